@@ -21,6 +21,10 @@ pub struct Newest {
     replaced: [bool; FaultId::COUNT],
     /// Whether some window had a forecast.
     has_forecast: bool,
+    /// The fault that ended the life first by the newest forecast that there was; `None` once its part is replaced.
+    forecast_of: Option<FaultId>,
+    /// Starts of the earliest and the latest window, UTC ns.
+    period_ns: Option<[u64; 2]>,
     /// Whether the damage of each fault fell without a recorded repair, in the order of [`FaultId::ALL`]; until it is back, or its part is
     /// replaced.
     pub fallen: [bool; FaultId::COUNT],
@@ -46,6 +50,9 @@ impl Newest {
             let fallen = &mut self.fallen[fault.index()];
             *fallen = fell.is_some_and(names) || (*fallen && states[fault.index()] < HealthState::Warning);
         }
+        let t_ns = health.t_start_ns;
+        let [first, last] = self.period_ns.unwrap_or([t_ns; 2]);
+        self.period_ns = Some([first.min(t_ns), last.max(t_ns)]);
         self.health = health;
         self.rul = Rul::default();
     }
@@ -58,11 +65,43 @@ impl Newest {
                 let is_of = |part: ReplacedPart| part.faults().contains(&fault);
                 if what == "unit" || part.is_some_and(is_of) {
                     (self.replaced[fault.index()], self.fallen[fault.index()]) = (true, false);
+                    self.forecast_of = self.forecast_of.filter(|of| *of != fault);
                 }
             }
         }
-        self.has_forecast |= rul.rul_p10_h.is_some();
+        if rul.rul_p10_h.is_some() {
+            self.has_forecast = true;
+            self.forecast_of = FaultId::from_name(&rul.dominant_fault);
+        }
         self.rul = rul;
+    }
+
+    /// Takes over what was replaced after the newest window: nothing is known of the faults of a new part, nor of the life that one of them ended.
+    pub fn replace(&mut self, part: Option<ReplacedPart>) {
+        let is_new = |fault: FaultId| part.is_none_or(|part| part.faults().contains(&fault));
+        let is_life_new = self.ends_first().map_or(part.is_none(), is_new);
+        let by_life = self.state_by_life().filter(|_| !is_life_new).unwrap_or_default();
+        let mut states = self.states();
+        for fault in FaultId::ALL.into_iter().filter(|fault| is_new(*fault)) {
+            states[fault.index()] = HealthState::Unknown;
+            self.shown.forget(fault);
+        }
+        if is_life_new {
+            (self.rul, self.forecast_of) = (Rul::default(), None);
+        }
+        // Of every part some fault is unknown now.
+        let worst = states.into_iter().max().unwrap_or_default().max(by_life);
+        let state = Some(worst)
+            .filter(|worst| *worst >= HealthState::Watch)
+            .unwrap_or_default();
+        state.name().clone_into(&mut self.health.health);
+        self.health.set_states(&states);
+    }
+
+    /// Whether no window began after this time, UTC ns.
+    #[must_use]
+    pub fn is_before(&self, t_ns: u64) -> bool {
+        self.period_ns.is_none_or(|[_, last]| last < t_ns)
     }
 
     /// Notes that this recording is of another unit than the one before it.
@@ -84,6 +123,25 @@ impl Newest {
         Some(recorded).filter(|recorded| *recorded > worst && *recorded >= HealthState::Watch)
     }
 
+    /// The fault that ends the life first, by the newest forecast that there was: a state by the remaining life is about it.
+    #[must_use]
+    pub fn ends_first(&self) -> Option<FaultId> {
+        FaultId::from_name(&self.rul.dominant_fault).or(self.forecast_of)
+    }
+
+    /// Order of recordings that know nothing of each other: by the start of the newest window, UTC ns; those without any last.
+    #[must_use]
+    pub fn newest_ns(&self) -> u64 {
+        self.period_ns.map_or(u64::MAX, |_| self.health.t_start_ns)
+    }
+
+    /// Whether some of these recordings of one unit lie among each other in time: of several units, or of one twice.
+    pub fn overlap<'a>(recordings: impl Iterator<Item = &'a Self>) -> bool {
+        let mut periods: Vec<[u64; 2]> = recordings.filter_map(|newest| newest.period_ns).collect();
+        periods.sort_unstable();
+        periods.windows(2).any(|pair| pair[1][0] <= pair[0][1])
+    }
+
     /// Goes on with the next segment of the same run, whose states continue those of this one.
     pub fn continue_run(&mut self, later: Self) {
         let states = later.states();
@@ -92,7 +150,8 @@ impl Newest {
 
     /// Goes on with a later recording, which knew nothing of this one: what it leaves open holds as it was known before, unless the part was
     /// replaced. A fault at watch or worse holds until a window shows that it is less; one that was nominal is in doubt once a window has a reading
-    /// of it that does not show its state. A state by the remaining life holds until there is another forecast.
+    /// of it that does not show its state. A state by the remaining life holds until there is another forecast. Of recordings that overlap in
+    /// time, a worse state holds that this one has shown later.
     pub fn go_on(&mut self, mut later: Self) {
         let own = later.states();
         let mut states = own;
@@ -101,6 +160,12 @@ impl Newest {
             let holds = before >= HealthState::Watch || !later.has_reading[n];
             if states[n] == HealthState::Unknown && holds && !later.replaced[n] {
                 states[n] = before;
+            }
+            let shown = [&self.shown, &later.shown].map(|shown| shown.of(fault));
+            let is_newer = matches!(shown, [Some(here), Some(there)] if here.t_start_ns > there.t_start_ns);
+            if is_newer && before > states[n] && before >= HealthState::Watch && !later.replaced[n] {
+                states[n] = before;
+                later.shown.forget(fault);
             }
         }
         let by_life = self
@@ -144,6 +209,13 @@ impl Newest {
             has_reading: both(self.has_reading, later.has_reading),
             replaced: both(self.replaced, later.replaced),
             has_forecast: self.has_forecast || later.has_forecast,
+            forecast_of: later.forecast_of.or(self
+                .forecast_of
+                .filter(|of| !later.has_forecast && !later.replaced[of.index()])),
+            period_ns: match (self.period_ns, later.period_ns) {
+                (Some(a), Some(b)) => Some([a[0].min(b[0]), a[1].max(b[1])]),
+                (a, b) => a.or(b),
+            },
             health: later.health,
             rul: later.rul,
         };
@@ -259,6 +331,91 @@ mod tests {
         // What the later one has shown counts.
         let shown = joined(worn(), recording(Nominal, [Nominal; 2], true, ""));
         assert_eq!(shown, ("nominal".to_owned(), [Nominal; 2]));
+    }
+
+    #[test]
+    fn a_worse_state_that_another_recording_showed_later_holds() {
+        let at = |t_start_ns: u64, state: HealthState, replaced: &str| {
+            let mut newest = recording(state, [state, Nominal], true, replaced);
+            let mut health = newest.health.clone();
+            health.t_start_ns = t_start_ns;
+            health.set_damage([Some(0.5); FaultId::COUNT]);
+            newest.add(health);
+            newest.add_rul(Rul::default());
+            newest
+        };
+        // The later recording has shown backlash before this one did, and ended with a window that does not show it.
+        let joined = |replaced: &str| {
+            let mut later = at(5, Nominal, replaced);
+            let mut silent = later.health.clone();
+            silent.t_start_ns = 20;
+            silent.set_damage([None; FaultId::COUNT]);
+            later.add(silent);
+            let mut before = at(10, Critical, "");
+            before.go_on(later);
+            let shown = before.shown.of(FaultId::Backlash).map(|of| of.t_start_ns);
+            (before.health.health, shown)
+        };
+        assert_eq!(joined(""), ("critical".to_owned(), Some(10)));
+        assert_eq!(joined("gearbox"), ("nominal".to_owned(), Some(5)));
+        let of = |periods: &[[u64; 2]]| {
+            let recordings = periods.iter().map(|period| Newest {
+                period_ns: Some(*period),
+                ..Newest::default()
+            });
+            let recordings: Vec<Newest> = recordings.collect();
+            Newest::overlap(recordings.iter())
+        };
+        assert!(of(&[[20, 30], [1, 50], [60, 70]]) && of(&[[1, 2], [2, 3]]));
+        assert!(!of(&[[20, 30], [1, 5], [60, 70]]) && !of(&[]));
+    }
+
+    #[test]
+    fn nothing_is_known_of_a_part_that_was_replaced_after_the_newest_window() {
+        let after = |part: Option<ReplacedPart>| {
+            let mut newest = recording(Critical, [Watch, Nominal], true, "");
+            newest.add_rul(Rul {
+                dominant_fault: "backlash".to_owned(),
+                rul_p10_h: Some(10.0),
+                ..Rul::default()
+            });
+            newest.replace(part);
+            let states = newest.states();
+            let of = |fault: FaultId| states[fault.index()];
+            (
+                newest.health.health,
+                of(FaultId::Backlash),
+                of(FaultId::ShortA),
+                newest.rul.rul_p10_h,
+            )
+        };
+        let found = after(Some(ReplacedPart::Gearbox));
+        assert_eq!(found, ("unknown".to_owned(), Unknown, Nominal, None));
+        let found = after(Some(ReplacedPart::Motor));
+        assert_eq!(found, ("critical".to_owned(), Watch, Unknown, Some(10.0)));
+        assert_eq!(after(None), ("unknown".to_owned(), Unknown, Unknown, None));
+    }
+
+    #[test]
+    fn the_part_of_a_forecast_that_was_withdrawn_stays_known() {
+        let with = |dominant: &str, p10: Option<f64>, replaced: &str| Rul {
+            dominant_fault: dominant.to_owned(),
+            rul_p10_h: p10,
+            replaced: replaced.to_owned(),
+            ..Rul::default()
+        };
+        let ends_first = |replaced: &str| {
+            let mut newest = recording(Critical, [Watch, Nominal], true, "");
+            newest.add_rul(with("backlash", Some(10.0), ""));
+            newest.add_rul(with("", None, replaced));
+            let mut joined = newest.clone();
+            joined.go_on(recording(Watch, [Watch, Nominal], true, ""));
+            assert_eq!(joined.ends_first(), newest.ends_first());
+            newest.ends_first()
+        };
+        assert_eq!(ends_first(""), Some(FaultId::Backlash));
+        assert_eq!(ends_first("motor"), Some(FaultId::Backlash));
+        assert_eq!(ends_first("gearbox"), None);
     }
 
     #[test]

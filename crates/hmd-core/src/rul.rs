@@ -5,6 +5,7 @@
 //! mixture reaches the end of life. `docs/prognosis.md` gives the equations.
 
 mod forecast;
+mod jump;
 mod law;
 mod prognosis;
 mod trend;

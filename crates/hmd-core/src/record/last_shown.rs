@@ -42,6 +42,11 @@ impl LastShown {
         }
     }
 
+    /// Forgets what is known of a fault.
+    pub(crate) fn forget(&mut self, fault: FaultId) {
+        self.0[fault.index()] = None;
+    }
+
     /// What is known of a fault; `None` where no window has shown it.
     #[must_use]
     pub fn of(&self, fault: FaultId) -> Option<Shown> {

@@ -281,14 +281,38 @@ impl Prognosis {
     }
 }
 
-/// The reason that is nearest to a number.
+/// The reason that is nearest to a number: that a fault does not grow is none while another, as that of a new part, has its first estimates.
 fn least_lacking(faults: &[Result<RemainingLife, NoTrend>; FaultId::COUNT]) -> NoTrend {
     let nearness = |none: &NoTrend| match none {
-        NoTrend::TooFew { got } => (0, *got),
+        NoTrend::TooFew { got: 0 } => (0, 0),
         NoTrend::NoGrowth => (1, 0),
-        NoTrend::Jumped { got } => (2, *got),
-        NoTrend::TooFar { .. } => (3, 0),
+        NoTrend::TooFew { got } => (2, *got),
+        NoTrend::Jumped { got } => (3, *got),
+        NoTrend::TooFar { .. } => (4, 0),
     };
     let lacking = faults.iter().filter_map(|life| life.err());
     lacking.max_by_key(nearness).unwrap_or(NoTrend::NoGrowth)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_reason_is_that_of_the_fault_whose_number_is_nearest() {
+        let reason = |worst: NoTrend, others: NoTrend| {
+            let mut faults = [Err(others); FaultId::COUNT];
+            faults[1] = Err(worst);
+            least_lacking(&faults)
+        };
+        let (few, none, still) = (
+            NoTrend::TooFew { got: 4 },
+            NoTrend::TooFew { got: 0 },
+            NoTrend::NoGrowth,
+        );
+        assert_eq!(reason(few, still), few);
+        assert_eq!(reason(none, still), still);
+        let jumped = NoTrend::Jumped { got: 4 };
+        assert_eq!(reason(jumped, NoTrend::TooFew { got: 5 }), jumped);
+    }
 }

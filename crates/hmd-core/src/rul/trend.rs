@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::jump;
 use super::law::{Clock, Law};
 use super::usage::Odometer;
 
@@ -30,10 +31,16 @@ const START: usize = 3;
 const SLOPE_SIGMA_MAX: f64 = 1e100;
 
 /// Two estimates further apart than this, in standard deviations, do not agree.
-const DISAGREEMENT_SIGMAS: f64 = 5.0;
+pub(super) const DISAGREEMENT_SIGMAS: f64 = 5.0;
 
-/// Estimates in a row that fit no law, after which a new trend begins.
-const JUMP_AFTER: u32 = 4;
+/// Estimates in a row that fit no law, or lie apart from those before them, with which a new trend begins.
+const JUMP_AFTER: usize = 4;
+
+/// Estimates before those of a jump that are compared with them.
+const JUMP_BEFORE: usize = 2;
+
+/// Estimates up to which a trend is so young that its laws, open as they are, may follow any jump: growth later fits none of them.
+const YOUNG: u64 = 24;
 
 /// Estimates from which on a damage at the end of life is one.
 const ESTIMATES_AT_END: u32 = 2;
@@ -72,6 +79,9 @@ pub struct Trend {
     pub(super) last: Odometer,
     /// Estimates since the trend began.
     pub(super) estimates: u64,
+    /// The newest estimates, at most [`JUMP_BEFORE`] + [`JUMP_AFTER`]. Older files had none.
+    #[serde(default)]
+    recent: Vec<Estimate>,
     /// Estimates in a row that fit no law.
     misfits: u32,
     /// Estimates in a row that are at the end of life and that no law explains: those of the start among them, and those before a
@@ -89,7 +99,7 @@ pub struct Trend {
 pub(super) struct Estimate {
     pub(super) at: Odometer,
     pub(super) damage: f64,
-    variance: f64,
+    pub(super) variance: f64,
 }
 
 impl Trend {
@@ -105,6 +115,7 @@ impl Trend {
             laws_at: Odometer::default(),
             last: Odometer::default(),
             estimates: 0,
+            recent: Vec::new(),
             misfits: 0,
             misfits_at_end: 0,
             scatter: 1.0,
@@ -121,8 +132,9 @@ impl Trend {
             && self.laws.iter().all(variances)
             && self.start.len() < START
             && self.slowest.is_none_or(|number| number.unsigned_abs() <= NUMBER_MAX)
-            && self.misfits_at_end <= JUMP_AFTER + START as u32
-            && self.misfits < JUMP_AFTER
+            && self.recent.len() <= JUMP_BEFORE + JUMP_AFTER
+            && self.misfits_at_end <= (JUMP_AFTER + START) as u32
+            && self.misfits < JUMP_AFTER as u32
             && self.estimates <= ESTIMATES_MAX
     }
 
@@ -139,8 +151,17 @@ impl Trend {
         let estimate = Estimate { at, damage, variance };
         self.last = at;
         self.estimates += 1;
+        if self.recent.len() == JUMP_BEFORE + JUMP_AFTER {
+            self.recent.remove(0);
+        }
+        self.recent.push(estimate);
         if !self.laws.is_empty() {
             self.learn_from(&estimate);
+            if self.misfits >= JUMP_AFTER as u32
+                || (self.estimates <= YOUNG && jump::lies_between(&self.recent, JUMP_BEFORE, JUMP_AFTER))
+            {
+                self.begin_anew();
+            }
             return;
         }
         self.start.push(estimate);
@@ -202,18 +223,26 @@ impl Trend {
         let is_misfit = inlier < 0.5 * weight;
         self.misfits = if is_misfit { self.misfits + 1 } else { 0 };
         self.count_at_end(is_misfit, estimate.damage);
-        if self.misfits >= JUMP_AFTER {
-            let (end_of_life, scatter, jumps) = (self.end_of_life, self.scatter, self.jumps.saturating_add(1));
-            *self = Self {
-                scatter,
-                jumps,
-                misfits_at_end: self.misfits_at_end,
-                start: vec![*estimate],
-                last: estimate.at,
-                estimates: 1,
-                ..Self::new(end_of_life)
-            };
+    }
+
+    /// Begins a new trend with the newest estimates: those before a jump tell nothing of what comes.
+    fn begin_anew(&mut self) {
+        let newest = self.recent.len().saturating_sub(JUMP_AFTER);
+        let recent = self.recent.split_off(newest);
+        *self = Self {
+            scatter: self.scatter,
+            jumps: self.jumps.saturating_add(1),
+            misfits_at_end: self.misfits_at_end,
+            last: self.last,
+            estimates: recent.len() as u64,
+            ..Self::new(self.end_of_life)
+        };
+        if recent.len() < START {
+            self.start.clone_from(&recent);
+        } else {
+            self.begin(&recent);
         }
+        self.recent = recent;
     }
 
     fn count_at_end(&mut self, is_unexplained: bool, damage: f64) {

@@ -324,3 +324,68 @@ fn memory_is_bounded_over_a_life_of_any_length() {
     }
     assert!(largest < 400_000, "{largest} bytes");
 }
+
+/// Windows of eight days until day 98, then `later` every third day from day 100 on, with a small error: (hours, damage).
+fn step(windows: usize, before: impl Fn(f64) -> f64, later: impl Fn(f64) -> f64) -> Vec<(f64, f64)> {
+    let before = (0..windows)
+        .map(|n| 98.0 - 8.0 * (windows - 1 - n) as f64)
+        .map(|day| (24.0 * day, before(day)));
+    let later = (0..12).map(|n| (24.0 * (100.0 + 3.0 * f64::from(n)), later(3.0 * f64::from(n))));
+    let history = before.chain(later).enumerate();
+    history.map(|(n, (hours, damage))| (hours, damage + error(n))).collect()
+}
+
+/// The laws of a young trend are open enough to follow a jump.
+#[test]
+fn a_jump_early_in_a_history_begins_a_new_trend_all_the_same() {
+    // Worn, then repaired without an event; well, then damaged; each wears on.
+    for windows in 2..=16 {
+        let fall = step(windows, |day| 7e-3 * day, |days| 7e-3 * days);
+        let rise = step(windows, |_| 0.0, |days| 0.2 + 7e-3 * days);
+        for (name, history, truth) in [("fall", fall, 0.8), ("rise", rise, 0.6)] {
+            let truth = 24.0 * (truth / 7e-3 - 33.0);
+            let reason = after(history[..windows + 5].to_vec(), SIGMA).forecast(1.0).actuator;
+            assert_eq!(
+                reason,
+                Err(NoTrend::Jumped { got: 5 }),
+                "{name} after {windows} windows"
+            );
+            let life = after(history, SIGMA).forecast(1.0).actuator.expect(name);
+            assert!(
+                (life.hours.p50 / truth - 1.0).abs() < 0.2,
+                "{name} after {windows} windows: {:?} of {truth}",
+                life.hours
+            );
+        }
+    }
+}
+
+#[test]
+fn growth_that_is_fast_or_ever_faster_is_no_jump() {
+    // Half as fast after three windows; and twenty times as fast after ten.
+    let slower = (0..10).map(|n| {
+        (
+            10.0 * f64::from(n),
+            0.03 * f64::from(n.min(3)) + 0.015 * f64::from((n - 3).max(0)),
+        )
+    });
+    let faster = (0..16).map(|n| {
+        (
+            10.0 * f64::from(n),
+            2e-3 * f64::from(n) + 4e-2 * f64::from((n - 10).max(0)),
+        )
+    });
+    let exponential = (0..16).map(|n| (10.0 * f64::from(n), 1e-3 * (0.4 * f64::from(n)).exp()));
+    for (name, history) in [
+        ("slower", slower.collect::<Vec<_>>()),
+        ("faster", faster.collect()),
+        ("exponential", exponential.collect()),
+    ] {
+        for windows in 6..=history.len() {
+            let seen = history[..windows].iter().enumerate();
+            let forecast = after(seen.map(|(n, (hours, damage))| (*hours, damage + error(n))), SIGMA).forecast(1.0);
+            let is_jump = matches!(forecast.faults[0], Err(NoTrend::Jumped { .. }));
+            assert!(!is_jump, "{name} after {windows} windows");
+        }
+    }
+}

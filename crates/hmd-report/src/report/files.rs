@@ -155,9 +155,9 @@ impl Files {
         Ok(files)
     }
 
-    /// Takes over which actuators and parts were replaced after the newest window of each and until now, UTC ns, by the events of a
-    /// configuration. One that is still to come changes nothing. Of units that have one name the event is of that with the configuration's
-    /// serial number, without one of each.
+    /// Takes over which actuators and parts were replaced until now, UTC ns, by the events of a configuration: those after the newest window,
+    /// and those that no window knows of ([`History::entered_since`]). One that is still to come changes nothing. Of units that have one name
+    /// the event is of that with the configuration's serial number, without one of each.
     pub fn note_replacements(&mut self, events: &Events, config: &Config, now_ns: u64) {
         let has_come = |event: &&Event| event.event == EventKind::Reset && event.t_ns <= now_ns;
         for event in events.list.iter().filter(has_come) {
@@ -171,12 +171,15 @@ impl Files {
                 None => false,
             };
             for (_, history) in self.actuators.iter_mut().filter(|(name, _)| is_meant(name)) {
-                if history.points.iter().any(|point| point.t_start_ns >= event.t_ns) {
-                    continue;
-                }
+                let is_after_all = history.points.iter().all(|point| point.t_start_ns < event.t_ns);
+                let list = match is_after_all {
+                    true => &mut history.replaced_since,
+                    false if history.knows(event, now_ns) => continue,
+                    false => &mut history.entered_since,
+                };
                 // The newest of each part.
-                history.replaced_since.retain(|known| known.part != event.part);
-                history.replaced_since.push(Replacement {
+                list.retain(|known| known.part != event.part);
+                list.push(Replacement {
                     part: event.part,
                     t_ns: event.t_ns,
                     note: event.note.clone().unwrap_or_default(),
@@ -306,6 +309,40 @@ mod tests {
         // The newest of two counts, none that is to come, and none before the newest window.
         let several = vec![reset(4, "old"), reset(6, "a"), reset(8, "b"), reset(11, "later")];
         assert_eq!(replaced("", several), ["b", "b", ""]);
+    }
+
+    #[test]
+    fn a_replacement_that_no_window_knows_of_is_told() {
+        let entered = |points: &[(u64, f64, &str)], now_ns: u64| {
+            let mut files = Files::default();
+            let point = |&(t_start_ns, used_h, replaced): &(u64, f64, &str)| Point {
+                t_start_ns,
+                used_h: Some(used_h),
+                replaced: replaced.to_owned(),
+                ..Point::default()
+            };
+            files.entry("left").points = points.iter().map(point).collect();
+            let config = Config::from_toml_str("[[actuator]]\nid = 0\nname = \"left\"\n", "test").unwrap();
+            let events = Events {
+                list: vec![reset(6, "a")],
+                ..Events::default()
+            };
+            files.note_replacements(&events, &config, now_ns);
+            let history = &files.actuators["left"];
+            (history.replaced_since.len(), history.entered_since.len())
+        };
+        assert_eq!(entered(&[(5, 1.0, ""), (7, 2.0, "")], 10), (0, 1));
+        // The windows went on after it, or began after it.
+        assert_eq!(entered(&[(5, 1.0, ""), (7, 2.0, "gearbox"), (8, 3.0, "")], 10), (0, 0));
+        assert_eq!(
+            entered(&[(5, 1.0, ""), (7, 2.0, "motor"), (8, 3.0, "unit")], 10),
+            (0, 0)
+        );
+        assert_eq!(entered(&[(5, 1.0, ""), (7, 1.0, ""), (8, 3.0, "")], 10), (0, 0));
+        assert_eq!(entered(&[(7, 1.0, ""), (8, 2.0, "")], 10), (0, 0));
+        // Windows from a clock ahead of now.
+        assert_eq!(entered(&[(17, 1.0, ""), (18, 2.0, "")], 10), (0, 1));
+        assert_eq!(entered(&[(5, 1.0, "")], 10), (1, 0));
     }
 
     #[test]

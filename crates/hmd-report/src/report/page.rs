@@ -11,7 +11,7 @@ use super::history::History;
 use super::markup::document;
 use super::overview::overview;
 use super::plot::escaped;
-use super::quality::{losses, windows};
+use super::quality::{losses, missing, windows};
 use super::recommendation::recommendation;
 use super::sections::{damages, fit, legend, remaining, residuals, timeline};
 use super::sources::{events, sources};
@@ -38,8 +38,11 @@ pub fn page(files: &Files, histories: &[&History], view: &View) -> String {
         _ => format!("Health report of {} actuators", histories.len()),
     };
     let mut body = format!("<h1>{title}</h1>\n");
-    if files.sources.iter().any(|source| source.damaged) {
-        body += "<p class=\"assessment\">Parts of a recording are missing or damaged: newer windows may be lost. See <em>Lost data</em>.</p>\n";
+    for what in missing(files) {
+        let _ = writeln!(
+            body,
+            "<p class=\"assessment\">{what}: newer windows may be lost. See <em>Lost data</em>.</p>"
+        );
     }
     if let Some(notice) = &view.notice {
         let _ = writeln!(body, "<p class=\"faint\">{}</p>", escaped(notice));
@@ -203,6 +206,35 @@ mod tests {
             errors.contains("The files lost nothing"),
             "as the exit code and the metrics have it"
         );
+    }
+
+    #[test]
+    fn frames_that_were_not_used_stand_above_the_box() {
+        let of = |status| {
+            let files = Files {
+                sources: vec![Source {
+                    status,
+                    ..Source::default()
+                }],
+                ..Files::default()
+            };
+            let text = of_one(&files, &history(1));
+            text.split("<section>")
+                .next()
+                .unwrap_or_default()
+                .contains("newer windows may be lost")
+        };
+        let status = |late, windows, records, samples| Status {
+            lost_late: late,
+            lost_windows: windows,
+            lost_storage_records: records,
+            lost_samples: samples,
+            ..Status::default()
+        };
+        let whole = [[12_705, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 7], [0; 4]];
+        let found = whole.map(|[late, windows, records, samples]| of(status(late, windows, records, samples)));
+        // What a window has lost of its samples, it says itself.
+        assert_eq!(found, [true, true, true, false, false]);
     }
 
     #[test]

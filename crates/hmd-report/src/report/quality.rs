@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
+use hmd_core::counted::counted;
 use hmd_core::record::{Status, WindowStatus};
 
 use super::files::{Files, Source};
@@ -72,6 +73,41 @@ pub(super) fn losses(files: &Files) -> String {
     } else {
         text + &table("Lost, over all actuators", &LOST, &rows)
     }
+}
+
+/// Losses that may have cost whole windows, each in words: those of samples stand in the windows that there are.
+pub(super) fn missing(files: &Files) -> Vec<String> {
+    let mut found = Vec::new();
+    if files.sources.iter().any(|source| source.damaged) {
+        found.push("Parts of a recording are missing or damaged".to_owned());
+    }
+    let counted = newest_of_runs(&files.sources);
+    let sum = |of: fn(&Status) -> u64| {
+        counted
+            .iter()
+            .map(|source| of(&source.status))
+            .fold(0, u64::saturating_add)
+    };
+    let of_logs = sum(|status| status.lost_damaged);
+    if of_logs > 0 {
+        found.push(format!("Damaged parts of the logs, {}, were not used", frames(of_logs)));
+    }
+    let late = sum(|status| status.lost_late);
+    if late > 0 {
+        found.push(format!(
+            "{} were not used, as they are older by the clock than others before",
+            frames(late)
+        ));
+    }
+    let unused = sum(|status| status.lost_windows.saturating_add(status.lost_storage_records));
+    if unused > 0 {
+        found.push("Not all windows were assessed and stored".to_owned());
+    }
+    found
+}
+
+fn frames(count: u64) -> String {
+    counted(count, "frame", "frames")
 }
 
 /// The sources whose counts are not in those of a later one: the counts of a run go on from segment to segment.

@@ -15,7 +15,7 @@ use super::zone::Zone;
 pub(super) use checks::drifting;
 use checks::{checks, is_before_next_use};
 use left::Left;
-pub(super) use left::clears;
+pub(super) use left::{clears, friction_replaced};
 use maintenance::{at_once, maintenance};
 use since::{since, suspected_since};
 
@@ -73,6 +73,10 @@ pub(super) fn recommendation(history: &History, modes: &[FaultMode; FaultId::COU
         .collect();
     let replaced = replaced(&history.replaced_since, zone);
     let checks = checks(history, unassessed);
+    let friction_left = left.friction_left.map_or_else(String::new, |left| {
+        format!("Friction was critical and may still come from {left}: check before the next use.")
+    });
+    let entered = entered(&history.entered_since, zone);
     let at_once = at_once(&left);
     let action = match left.state {
         HealthState::Watch | HealthState::Warning | HealthState::Critical => maintenance(history, &left, modes, zone),
@@ -87,7 +91,8 @@ pub(super) fn recommendation(history: &History, modes: &[FaultMode; FaultId::COU
         HealthState::Nominal if unassessed.is_some() => "Nothing before the next actuation.".to_owned(),
         HealthState::Nominal => "No action.".to_owned(),
     };
-    let sentences = [&action, &at_once, &replaced, &checks];
+    let sentences = [&action, &at_once, &replaced, &friction_left, &entered, &checks];
+    let since_ns = since(history, left.state, left.in_state_by_damage());
     let faults = left.reported.clone();
     Recommendation {
         state: left.state,
@@ -105,13 +110,13 @@ pub(super) fn recommendation(history: &History, modes: &[FaultMode; FaultId::COU
         },
         ends_first: left.ends_first,
         requirement: left.requirement,
-        since_ns: since(history, left.state, faults.first().copied()),
+        since_ns,
         suspected_since_ns: suspected_since(history),
         faults,
         unassessed,
         unknown,
         has_checks: !checks.is_empty(),
-        is_before_next_use: is_before_next_use(&checks) || !at_once.is_empty(),
+        is_before_next_use: is_before_next_use(&checks) || !at_once.is_empty() || !friction_left.is_empty(),
     }
 }
 
@@ -122,19 +127,32 @@ fn replaced(parts: &[Replacement], zone: &Zone) -> String {
         1 => ("was", "its"),
         _ => ("were", "their"),
     };
-    let names: Vec<String> = parts
-        .iter()
-        .map(|replacement| {
-            let name = replacement.part.map_or("actuator", ReplacedPart::name);
-            let note = match &*replacement.note {
-                "" => String::new(),
-                note => format!(", {note}"),
-            };
-            format!("{name} ({}{note})", zone.minute(replacement.t_ns))
-        })
-        .collect();
-    let names = names.join(" and the ");
+    let names = names(parts, zone);
     format!("The {names} {verb} replaced after the last window: the next actuation shows {shows} health.")
+}
+
+/// What was entered as replaced before windows that do not know of it, a sentence; empty if nothing was.
+fn entered(parts: &[Replacement], zone: &Zone) -> String {
+    if parts.is_empty() {
+        return String::new();
+    }
+    let (names, verb) = (names(parts, zone), if parts.len() == 1 { "is" } else { "are" });
+    format!(
+        "The {names} {verb} entered as replaced, but these windows were assessed before that: hmd replay of the logs, or the next movement of a running hmd, takes it over."
+    )
+}
+
+/// Parts with time and note, in words.
+fn names(parts: &[Replacement], zone: &Zone) -> String {
+    let name = |replacement: &Replacement| {
+        let name = replacement.part.map_or("actuator", ReplacedPart::name);
+        let note = match &*replacement.note {
+            "" => String::new(),
+            note => format!(", {note}"),
+        };
+        format!("{name} ({}{note})", zone.minute(replacement.t_ns))
+    };
+    parts.iter().map(name).collect::<Vec<_>>().join(" and the ")
 }
 
 #[cfg(test)]

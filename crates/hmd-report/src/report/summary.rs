@@ -14,14 +14,14 @@ use super::axis::{Mark, marks_before};
 use super::history::{History, Point, Unassessed, hours_of, is_elapsed};
 use super::markup::wide_table;
 use super::plot::escaped;
-use super::recommendation::{Recommendation, clears, drifting};
+use super::recommendation::{Recommendation, clears, drifting, friction_replaced};
 use super::sections::NORMAL_95;
 use super::words::{duration, durations, hours, with_capital};
 use super::zone::Zone;
 
 /// Part and serial number, number of windows and the time they span.
 pub(super) fn period(history: &History, zone: &Zone) -> String {
-    let (Some(first), Some(last)) = (history.points.first(), history.points.last()) else {
+    let Some([first, last]) = history.period_ns() else {
         return String::new();
     };
     let identity = match &*history.identity {
@@ -31,10 +31,14 @@ pub(super) fn period(history: &History, zone: &Zone) -> String {
     format!(
         "<p class=\"faint\">{identity}{} from {} to {}</p>\n",
         counted(history.points.len() as u64, "window", "windows"),
-        zone.minute(first.t_start_ns),
-        zone.minute(last.t_start_ns)
+        zone.minute(first),
+        zone.minute(last)
     )
 }
+
+/// What stands in the box of a unit whose recordings overlap in time.
+const OVERLAP: &str = "Recordings overlap in time: they are of several units, or of one twice. The newest window counts; serial_number in \
+                       the configuration tells units apart.";
 
 /// State, what to do, since when, and how long the actuator lasts.
 pub(super) fn headline(advice: &Recommendation, history: &History, zone: &Zone) -> String {
@@ -53,6 +57,9 @@ pub(super) fn headline(advice: &Recommendation, history: &History, zone: &Zone) 
             if advice.faults.len() > 1 { "Faults" } else { "Fault" },
             escaped(&found)
         );
+    }
+    if history.overlaps {
+        let _ = write!(text, "<br>{OVERLAP}");
     }
     if let Some(since) = advice.since_ns.filter(|_| advice.state != HealthState::Unknown) {
         let _ = write!(text, "<br>{} since {}.", with_capital(state), zone.minute(since));
@@ -95,7 +102,7 @@ pub(super) fn headline(advice: &Recommendation, history: &History, zone: &Zone) 
     if advice.unknown.len() < FaultId::COUNT {
         text += &not_known(advice, history, zone);
     }
-    if let Some(by_life) = state_by_life(advice, history) {
+    if let Some(by_life) = state_by_life(advice, history, zone) {
         let _ = write!(text, "<br>{by_life}");
     }
     let _ = writeln!(text, "<br>{}</p>", escaped(&remaining_life(advice, history, zone)));
@@ -159,10 +166,21 @@ fn first_what_hinders(reason: &str) -> String {
 }
 
 /// Why the state is worse than that of every fault.
-fn state_by_life(advice: &Recommendation, history: &History) -> Option<String> {
+fn state_by_life(advice: &Recommendation, history: &History, zone: &Zone) -> Option<String> {
     let worst = history.states().into_iter().max().unwrap_or_default();
     let is_worse = advice.state > worst && advice.state >= HealthState::Watch;
-    is_worse.then(|| format!("{} by the short remaining life.", with_capital(advice.state.name())))
+    let state = with_capital(advice.state.name());
+    is_worse.then(|| match &advice.hours_left {
+        Ok(_) => format!("{state} by the short remaining life."),
+        Err(_) => {
+            let predicted = history.points.iter().rfind(|point| point.left_h.is_some());
+            let when = predicted.map_or_else(String::new, |point| format!(" on {}", zone.minute(point.t_start_ns)));
+            format!(
+                "{state} by the short remaining life that was predicted last{when}: this holds until another forecast says more, or a \
+                 repair is recorded."
+            )
+        }
+    })
 }
 
 /// The forecast in one or two sentences that do not contradict the action.
@@ -232,8 +250,8 @@ fn little_operation(history: &History) -> Option<String> {
     if is_elapsed(&history.newest.rul) {
         return None;
     }
-    let (first, last) = (history.points.first()?, history.points.last()?);
-    let span_h = last.t_start_ns.saturating_sub(first.t_start_ns) as f64 / 3.6e12;
+    let [first, last] = history.period_ns()?;
+    let span_h = (last - first) as f64 / 3.6e12;
     // Use counts from before the first window; a history that begins anew counts from zero.
     let used: Vec<f64> = history.points.iter().filter_map(|point| point.used_h).collect();
     let grown = |pair: &[f64]| if pair[1] < pair[0] { pair[1] } else { pair[1] - pair[0] };
@@ -260,10 +278,12 @@ pub(super) fn faults(history: &History, modes: &[FaultMode; FaultId::COUNT], zon
     let row = |fault: FaultId| {
         let (mode, state) = (&modes[fault.index()], states[fault.index()]);
         if clears(&history.replaced_since, fault) {
+            let half = friction_replaced(&history.replaced_since).filter(|_| fault == FaultId::Friction);
+            let what = half.map_or_else(|| "replaced".to_owned(), |half| format!("{} replaced", half.part));
             let cells = [
                 fault.plain_name(),
                 mode.item,
-                "replaced",
+                &what,
                 "unknown",
                 "not yet",
                 "–",
@@ -401,9 +421,10 @@ mod tests {
             ..History::default()
         };
         let table = faults(&history, &modes, &Zone::utc());
-        // Friction and backlash are of the gear.
+        // Friction and backlash are of the gear, friction of the motor as well.
         let rows = |cell: &str| table.matches(&format!(">{cell}<")).count();
-        assert_eq!((rows("replaced"), rows("not known")), (2, 5), "{table}");
+        let found = ["replaced", "gearbox replaced", "not known"].map(rows);
+        assert_eq!(found, [1, 1, 5], "{table}");
     }
 
     #[test]
@@ -445,6 +466,53 @@ mod tests {
         );
         let watch = headline(&advice(HealthState::Watch), &history, &Zone::utc());
         assert!(watch.contains("less than 0.1 % probability"), "{watch}");
+    }
+
+    #[test]
+    fn a_state_by_a_forecast_that_was_withdrawn_says_so() {
+        let history = History {
+            points: vec![
+                Point {
+                    left_h: Some([1.0, 2.0, 3.0]),
+                    ..Point::default()
+                },
+                Point {
+                    t_start_ns: 3_600_000_000_000,
+                    ..Point::default()
+                },
+            ],
+            ..History::default()
+        };
+        let mut advice = advice(HealthState::Critical);
+        let of = |advice: &Recommendation| state_by_life(advice, &history, &Zone::utc()).unwrap_or_default();
+        assert_eq!(of(&advice), "Critical by the short remaining life.");
+        advice.hours_left = Err("a new trend begins".to_owned());
+        assert_eq!(
+            of(&advice),
+            "Critical by the short remaining life that was predicted last on 1970-01-01 00:00 UTC: this holds until another forecast says \
+             more, or a repair is recorded."
+        );
+    }
+
+    #[test]
+    fn recordings_that_overlap_have_the_time_of_all_and_a_sentence() {
+        let point = |t_start_ns: u64| Point {
+            t_start_ns,
+            ..Point::default()
+        };
+        let minute = 60_000_000_000;
+        let mut history = History {
+            points: [3, 59, 2, 82].map(|n| point(n * minute)).to_vec(),
+            ..History::default()
+        };
+        let text = |history: &History| {
+            let advice = advice(HealthState::Watch);
+            period(history, &Zone::utc()) + &headline(&advice, history, &Zone::utc())
+        };
+        assert!(text(&history).contains("4 windows from 1970-01-01 00:02 UTC to 1970-01-01 01:22 UTC"));
+        assert!(!text(&history).contains(OVERLAP));
+        history.overlaps = true;
+        assert!(text(&history).contains(OVERLAP));
     }
 
     #[test]

@@ -3,6 +3,8 @@
 
 use std::collections::BTreeMap;
 
+use hmd_core::newest::Newest;
+
 use super::history::History;
 
 /// What stands between the name of an actuator and its serial number, where units have one name.
@@ -19,8 +21,7 @@ pub(super) struct Part {
 
 /// The histories by name. Units that were used at the same times are different ones, each with its serial number in the name; of units one
 /// after the other the history goes on.
-pub(super) fn by_unit(mut parts: Vec<Part>) -> BTreeMap<String, History> {
-    in_order_of_time(&mut parts);
+pub(super) fn by_unit(parts: Vec<Part>) -> BTreeMap<String, History> {
     let mut spans: BTreeMap<String, BTreeMap<String, [u64; 2]>> = BTreeMap::new();
     for part in &parts {
         let Some(serial) = &part.serial else { continue };
@@ -40,70 +41,66 @@ pub(super) fn by_unit(mut parts: Vec<Part>) -> BTreeMap<String, History> {
         };
         (1..spans.len()).any(overlap)
     };
-    // The segments of a run first: their states continue each other.
-    let mut runs: BTreeMap<String, Vec<Part>> = BTreeMap::new();
+    // The segments of a run first: their states continue each other, whatever its clock did.
+    let mut recordings: BTreeMap<String, Vec<Part>> = BTreeMap::new();
     for part in parts {
         let name = match &part.serial {
             Some(serial) if is_shared(&part.history.actuator) => format!("{}{SERIAL}{serial}", part.history.actuator),
             _ => part.history.actuator.clone(),
         };
-        let runs = runs.entry(name).or_default();
-        match runs.last_mut() {
-            Some(before) if part.run.is_some() && before.run == part.run => before.history.continue_run(part.history),
-            _ => runs.push(part),
+        let of_unit = recordings.entry(name).or_default();
+        let is_of_its_run = |before: &&mut Part| part.run.is_some() && before.run == part.run;
+        match of_unit.iter_mut().rev().find(is_of_its_run) {
+            Some(before) => before.history.continue_run(part.history),
+            None => of_unit.push(part),
         }
     }
-    let whole = |(name, runs): (String, Vec<Part>)| {
-        let mut whole = History {
-            actuator: name.clone(),
-            ..History::default()
-        };
-        let mut unit = None;
-        for mut part in runs {
-            let before = unit.clone();
-            unit = part.serial.or(unit);
-            if before.is_some() && unit != before {
-                part.history.begin_unit();
-            }
-            whole.go_on(part.history);
-        }
-        (name, whole)
-    };
-    runs.into_iter().map(whole).collect()
+    recordings
+        .into_iter()
+        .map(|(name, recordings)| (name.clone(), joined(name, recordings)))
+        .collect()
 }
 
-/// Recordings in the order of their first windows; the segments of a run stay as they are, whatever its clock did.
-fn in_order_of_time(parts: &mut [Part]) {
-    let first = |part: &Part| part.history.points.first().map_or(u64::MAX, |point| point.t_start_ns);
-    let mut begun: BTreeMap<String, u64> = BTreeMap::new();
-    for part in &*parts {
-        if let Some(run) = &part.run {
-            let begins = begun.entry(run.clone()).or_insert(u64::MAX);
-            *begins = first(part).min(*begins);
+/// The history of a unit from its recordings: that with the newest window has the last word.
+fn joined(actuator: String, mut recordings: Vec<Part>) -> History {
+    recordings.sort_by_key(|recording| recording.history.newest.newest_ns());
+    let mut whole = History {
+        actuator,
+        overlaps: Newest::overlap(recordings.iter().map(|recording| &recording.history.newest)),
+        ..History::default()
+    };
+    let mut unit = None;
+    for mut recording in recordings {
+        let before = unit.clone();
+        unit = recording.serial.or(unit);
+        if before.is_some() && unit != before {
+            recording.history.begin_unit();
         }
+        whole.go_on(recording.history);
     }
-    let begins = |part: &Part| part.run.as_ref().map_or_else(|| first(part), |run| begun[run]);
-    parts.sort_by_key(begins);
+    whole
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::history::Point;
     use super::*;
+    use hmd_core::record::Health;
 
     fn part(serial: Option<&str>, times: &[u64]) -> Part {
-        let point = |&t_start_ns| Point {
-            t_start_ns,
-            ..Point::default()
+        let mut history = History {
+            actuator: "left".to_owned(),
+            ..History::default()
         };
+        for &t_start_ns in times {
+            history.add(Health {
+                t_start_ns,
+                ..Health::default()
+            });
+        }
         Part {
             run: None,
             serial: serial.map(str::to_owned),
-            history: History {
-                actuator: "left".to_owned(),
-                points: times.iter().map(point).collect(),
-                ..History::default()
-            },
+            history,
         }
     }
 
@@ -146,12 +143,41 @@ mod tests {
     }
 
     #[test]
+    fn of_recordings_that_overlap_that_with_the_newest_window_comes_last() {
+        let of = |parts: Vec<Part>| {
+            let history = by_unit(parts).remove("left").unwrap();
+            let times: Vec<u64> = history.points.iter().map(|point| point.t_start_ns).collect();
+            (history.newest.health.t_start_ns, times, history.overlaps)
+        };
+        for around_first in [true, false] {
+            let mut parts = vec![part(None, &[2, 82]), part(None, &[3, 59])];
+            if !around_first {
+                parts.reverse();
+            }
+            assert_eq!(of(parts), (82, vec![3, 59, 2, 82], true));
+        }
+        assert_eq!(
+            of(vec![part(None, &[60, 70]), part(None, &[3, 59])]),
+            (70, vec![3, 59, 60, 70], false)
+        );
+        // A run whose clock was set back does not overlap with itself.
+        let segment = |times: &[u64]| Part {
+            run: Some("a".to_owned()),
+            ..part(None, times)
+        };
+        assert_eq!(
+            of(vec![segment(&[50, 60]), segment(&[20, 55])]),
+            (55, vec![50, 60, 20, 55], false)
+        );
+    }
+
+    #[test]
     fn segments_of_a_run_continue_each_other_and_another_recording_holds_where_they_are_silent() {
         use hmd_core::health::HealthState::{self, Critical, Nominal, Unknown};
         let segment = |run: Option<&str>, t_start_ns: u64, state: HealthState| {
             let mut part = part(None, &[]);
             part.run = run.map(str::to_owned);
-            let mut health = hmd_core::record::Health {
+            let mut health = Health {
                 t_start_ns,
                 health: state.name().to_owned(),
                 ..Default::default()

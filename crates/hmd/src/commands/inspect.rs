@@ -15,12 +15,16 @@ use serde::Serialize;
 
 use super::recordings::{Wanted, recordings};
 use super::table::{HEALTH_HEAD, health_row, left_cell};
-use super::{Exit, Losses, load_config, say, to_stderr};
+use super::{Exit, Losses, Misuse, load_config, say, to_stderr, warn};
 use hmd_core::catalogue::catalogue;
+use hmd_core::config::Config;
 use hmd_core::health::HealthState;
+use hmd_core::history::{EventKind, Events};
 use hmd_core::newest::Newest;
 use hmd_core::record::{Health, Interval, Log, Record, Rul};
 use hmd_ingest::file::open_recorded;
+use hmd_storage::clock::now_ns;
+use hmd_storage::event_file::load_events;
 use hmd_storage::mcap::McapMessages;
 use hmd_storage::mcap_writer::METADATA_NAME;
 use hmd_storage::{no_formula, number_cell, printable};
@@ -47,8 +51,9 @@ pub struct Args {
     /// Print the catalogue of fault modes as JSON instead of any file.
     #[arg(long, conflicts_with_all = ["files", "csv", "summary"])]
     catalogue: bool,
-    /// Configuration whose levels the catalogue has; the defaults without one.
-    #[arg(short, long, requires = "catalogue")]
+    /// Configuration whose levels the catalogue has, the defaults without one; of --summary, whose rul.events say what was replaced after the
+    /// last window.
+    #[arg(short, long, conflicts_with_all = ["json", "csv"])]
     config: Option<PathBuf>,
 }
 
@@ -118,6 +123,9 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         say(&serde_json::to_string_pretty(&catalogue(config.health().levels()))?)?;
         return Ok(Exit::Done);
     }
+    if args.config.is_some() && !args.summary {
+        return Err(Misuse("--config: expected --catalogue or --summary beside it, found neither".to_owned()).into());
+    }
     let form = match (args.json, args.csv, args.summary) {
         (true, ..) => Form::Json,
         (_, true, _) => Form::Csv,
@@ -147,7 +155,8 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
             names.join(", ")
         );
     }
-    for line in printer.summary_lines() {
+    let config = load_config(args.config.as_deref())?;
+    for line in printer.summary_lines(&load_events(&config)?, &config, now_ns()) {
         say(&line)?;
     }
     Ok(losses.exit(&mut to_stderr))
@@ -197,9 +206,10 @@ impl Printer {
         let run = metadata.and_then(|metadata| metadata.get("run"));
         for (unit, newest) in units {
             let runs = self.summaries.entry(unit).or_default();
-            match runs.last_mut() {
-                Some((before, whole)) if run.is_some() && before.as_ref() == run => whole.continue_run(newest),
-                _ => runs.push((run.cloned(), newest)),
+            let is_of_its_run = |before: &&mut (Option<String>, Newest)| run.is_some() && before.0.as_ref() == run;
+            match runs.iter_mut().rev().find(is_of_its_run) {
+                Some((_, whole)) => whole.continue_run(newest),
+                None => runs.push((run.cloned(), newest)),
             }
         }
         Ok(windows)
@@ -239,14 +249,33 @@ impl Printer {
         (before != number).then(|| printable(number))
     }
 
-    /// A line for each unit, with its serial number where others have the same name.
-    fn summary_lines(&self) -> impl Iterator<Item = String> {
-        self.summaries.iter().map(|((actuator, serial_number), runs)| {
+    /// A line for each unit, with its serial number where others have the same name; the recording with the newest window has the last word.
+    /// What was replaced after its newest window and until now, UTC ns, by these events is unknown.
+    fn summary_lines(&self, events: &Events, config: &Config, now_ns: u64) -> impl Iterator<Item = String> {
+        self.summaries.iter().map(move |((actuator, unit_number), runs)| {
             let has_others = self.summaries.keys().filter(|(name, _)| name == actuator).count() > 1;
-            let serial_number = serial_number.as_deref().filter(|_| has_others);
+            let serial_number = unit_number.as_deref().filter(|_| has_others);
+            let mut runs: Vec<&Newest> = runs.iter().map(|(_, newest)| newest).collect();
+            runs.sort_by_key(|newest| newest.newest_ns());
+            if Newest::overlap(runs.iter().copied()) {
+                warn(format_args!(
+                    "{}: recordings overlap in time: they are of several units, or of one twice; the newest window counts",
+                    printable(actuator)
+                ));
+            }
             let mut newest = Newest::default();
-            for (_, run) in runs {
+            for run in runs {
                 newest.go_on(run.clone());
+            }
+            let configured = config.actuator_named(actuator).and_then(|of| of.serial_number.as_deref());
+            // As on the page: only of units of one name a serial number tells whose event it is.
+            let is_this = serial_number.is_none() || configured.is_none() || configured == unit_number.as_deref();
+            let replaced = events.list.iter().filter(|event| {
+                let is_reset = event.event == EventKind::Reset && event.actuator == *actuator;
+                is_reset && is_this && event.t_ns <= now_ns && newest.is_before(event.t_ns)
+            });
+            for part in replaced.map(|event| event.part).collect::<Vec<_>>() {
+                newest.replace(part);
             }
             summary::summary_line(&newest, serial_number)
         })

@@ -139,3 +139,41 @@ fn the_catalogue_has_the_levels_of_the_configuration() {
     refused(&folder, "inspect", 2);
     refused(&folder, "inspect --catalogue life.mcap", 2);
 }
+
+/// Two recordings of one name among each other in time; that which ends last is worn.
+#[test]
+fn of_recordings_that_overlap_the_newest_window_counts_in_any_order_of_files() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (name, day, friction) in [("a1", 1, 0.7), ("b", 2, 0.0), ("a2", 3, 0.75)] {
+        let start = format!("--start 2026-01-0{day}T08:00Z --seed {day}");
+        let line = format!("simulate -o {name}.log --rate 400 --noise 0.03 {start} --fault friction={friction}");
+        done(&folder, &line);
+    }
+    let config =
+        "[[actuator]]\nid = 0\nname = \"ail\"\n[type.bench]\ntolerances = \"exact\"\n[rul]\nevents = \"events\"\n";
+    fs::write(folder.path().join("hmd.toml"), config).expect("a file");
+    done(&folder, "replay a1.log a2.log -c hmd.toml -o a.mcap");
+    done(&folder, "replay b.log -c hmd.toml -o b.mcap");
+    for files in ["a.mcap b.mcap", "b.mcap a.mcap"] {
+        let ended = hmd(&folder, &format!("inspect --summary {files}"));
+        let line = String::from_utf8(ended.stdout).expect("text");
+        assert!(line.starts_with("HMD1/AIL/W1/20260103T0800Z/CRITICAL/FRIC 7"), "{line}");
+        assert!(String::from_utf8_lossy(&ended.stderr).contains("recordings overlap in time"));
+        done(&folder, &format!("report {files} -o ail.html --zone UTC"));
+        let page = fs::read_to_string(folder.path().join("ail.html")).expect("a page");
+        assert!(page.contains("<strong>critical</strong>") && page.contains("Recordings overlap in time"));
+        assert!(page.contains("3 windows from 2026-01-01 08:00 UTC to 2026-01-03 08:00 UTC"));
+    }
+    // What was replaced since is unknown where the configuration says so, as on the page.
+    done(
+        &folder,
+        "event --reset ail --part gearbox --at 2026-01-04T08:00Z -c hmd.toml",
+    );
+    let line = done(&folder, "inspect --summary a.mcap -c hmd.toml");
+    assert!(
+        line.starts_with("HMD1/AIL/W1/20260103T0800Z/UNKNOWN/UNKNOWN FRIC BKLSH/NO RUL"),
+        "{line}"
+    );
+    assert!(done(&folder, "inspect --summary a.mcap").contains("/CRITICAL/"));
+    refused(&folder, "inspect a.mcap -c hmd.toml", 2);
+}

@@ -24,6 +24,8 @@ pub(super) struct Left {
     pub(super) requirement: Option<String>,
     /// Whether the recorded forecast was of a part that was replaced.
     pub(super) is_first_end_replaced: bool,
+    /// What a friction that was critical may still come from.
+    pub(super) friction_left: Option<&'static str>,
 }
 
 impl Left {
@@ -35,7 +37,7 @@ impl Left {
             true => HealthState::Unknown,
             false => before[fault.index()],
         });
-        let dominant = FaultId::from_name(&rul.dominant_fault);
+        let dominant = history.newest.ends_first();
         let is_first_end_replaced = dominant.map_or_else(
             || {
                 history
@@ -56,6 +58,13 @@ impl Left {
         if let (Some(fault), Some(state)) = (dominant, by_life) {
             raised[fault.index()] = state;
         }
+        let is_by_friction = dominant == Some(FaultId::Friction);
+        let by_friction = history
+            .newest
+            .state_by_life()
+            .filter(|_| is_by_friction)
+            .unwrap_or_default();
+        let was_critical = before[FaultId::Friction.index()].max(by_friction) == HealthState::Critical;
         let mut reported: Vec<FaultId> = FaultId::ALL
             .into_iter()
             .filter(|fault| raised[fault.index()] >= HealthState::Watch)
@@ -88,6 +97,9 @@ impl Left {
             hours,
             requirement,
             is_first_end_replaced,
+            friction_left: friction_replaced(&history.replaced_since)
+                .filter(|_| was_critical)
+                .map(|of| of.left),
         }
     }
 
@@ -95,6 +107,12 @@ impl Left {
     pub(super) fn in_state(&self, state: HealthState) -> Vec<FaultId> {
         let is_meant = |fault: &&FaultId| self.raised[fault.index()] == state;
         self.reported.iter().filter(is_meant).copied().collect()
+    }
+
+    /// The worst fault, where the state is by its damage and not by the remaining life.
+    pub(super) fn in_state_by_damage(&self) -> Option<FaultId> {
+        let worst = self.reported.first().copied();
+        worst.filter(|fault| self.states[fault.index()] >= self.state)
     }
 
     /// Whether so little is left that there is nothing to plan.
@@ -118,6 +136,28 @@ fn first_end(
         .filter_map(of_fault);
     let first = ends.min_by(|a, b| a.1[0].total_cmp(&b.1[0]));
     (first.map(|(fault, _)| fault), first.map(|(_, hours)| hours))
+}
+
+/// Friction is that of motor and gearbox together: one of them was replaced, the other is left.
+pub(in super::super) struct FrictionReplaced {
+    /// Name of the new part.
+    pub(in super::super) part: &'static str,
+    /// What the friction may still come from, in words.
+    pub(super) left: &'static str,
+}
+
+/// `None` where neither of them, both or the whole actuator was replaced.
+pub(in super::super) fn friction_replaced(replaced: &[Replacement]) -> Option<FrictionReplaced> {
+    let has = |part: Option<ReplacedPart>| replaced.iter().any(|replacement| replacement.part == part);
+    let (part, left) = match [None, Some(ReplacedPart::Motor), Some(ReplacedPart::Gearbox)].map(has) {
+        [false, true, false] => (ReplacedPart::Motor, "gear and screw"),
+        [false, false, true] => (ReplacedPart::Gearbox, "the bearings of the motor"),
+        _ => return None,
+    };
+    Some(FrictionReplaced {
+        part: part.name(),
+        left,
+    })
 }
 
 /// Whether nothing is known of this fault once these parts, or the actuator (`None`), are others.

@@ -7,8 +7,8 @@ use super::super::axis::{Mark, marks_before};
 use super::super::history::{History, Point};
 use super::checks::suspects;
 
-/// Start of the oldest window of the newest run of windows in this state or a worse one (`nominal`: in this state) that reported the fault where the newest did, since the
-/// last reset.
+/// Start of the oldest window of the newest run of windows in this state or a worse one (`nominal`: in this state) since the last reset; where
+/// the state is that of a fault, and the newest window reported it, of windows that reported it.
 pub(super) fn since(history: &History, state: HealthState, fault: Option<FaultId>) -> Option<u64> {
     let reports = |point: &Point| fault.is_some_and(|fault| point.faults.iter().any(|name| name == fault.name()));
     let assessed = history.points.iter().rfind(|point| point.estimate.is_some());

@@ -145,6 +145,43 @@ fn a_part_replaced_after_the_last_window_is_not_to_be_repaired_again() {
 }
 
 #[test]
+fn friction_may_come_from_what_was_not_replaced() {
+    use ReplacedPart::{Gearbox, Motor};
+    let mut worn = history(&["critical"], &[FaultId::Friction], [0.7, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let with = |history: &mut History, parts: &[ReplacedPart]| {
+        history.replaced_since = parts.iter().map(|part| replaced(*part)).collect();
+        let found = of(history);
+        let left = found.action.split_once("health.").map_or("", |(_, rest)| rest.trim());
+        (found.state, left.to_owned(), found.is_before_next_use)
+    };
+    let check =
+        |what: &str| format!("Friction was critical and may still come from {what}: check before the next use.");
+    let unknown = HealthState::Unknown;
+    assert_eq!(with(&mut worn, &[Motor]), (unknown, check("gear and screw"), true));
+    assert_eq!(
+        with(&mut worn, &[Gearbox]),
+        (unknown, check("the bearings of the motor"), true)
+    );
+    assert_eq!(with(&mut worn, &[Motor, Gearbox]), (unknown, String::new(), false));
+    // By the remaining life, too; below critical the next actuation is soon enough.
+    assert_eq!(
+        with(&mut critical_by_life(), &[Motor]),
+        (unknown, check("gear and screw"), true)
+    );
+    let mut worn = history(&["warning"], &[FaultId::Friction], [0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    assert_eq!(with(&mut worn, &[Motor]), (unknown, String::new(), false));
+}
+
+#[test]
+fn a_replacement_that_was_entered_late_is_told_beside_the_state() {
+    let mut history = history(&["critical"], &[FaultId::Backlash], [0.0, 0.7, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    history.entered_since = vec![replaced(ReplacedPart::Gearbox)];
+    let expected = "Repair before the next use: gear and screw. The gearbox (1970-01-01 00:00 UTC, GB-78) is entered as replaced, but these \
+                    windows were assessed before that: hmd replay of the logs, or the next movement of a running hmd, takes it over.";
+    assert_eq!(of(&history).action, expected);
+}
+
+#[test]
 fn a_replaced_part_leaves_the_faults_of_the_others_with_their_own_level() {
     use FaultId::{Backlash, Gain};
     let mut history = history(&["critical"], &[Backlash, Gain], [0.0, 0.7, 0.0, 0.0, 0.0, 0.0, 0.1]);
@@ -342,6 +379,10 @@ fn a_damage_that_fell_without_a_repair_asks_for_its_record() {
     let expected =
         "A damage fell without a recorded repair: record the maintenance with hmd event, or check the sensors.";
     assert_eq!((found.action.as_str(), found.has_checks), (expected, true));
+    history.entered_since = vec![replaced(ReplacedPart::Controller)];
+    assert!(of(&history).has_checks);
+    history.entered_since = vec![replaced(ReplacedPart::Gearbox)];
+    assert!(!of(&history).has_checks, "it is entered now");
 }
 
 /// At watch by friction, with 200 h left: critical where `critical_h` is more.
@@ -375,6 +416,10 @@ fn a_fault_at_watch_by_damage_and_critical_by_life_is_to_be_repaired() {
     history.newest.health.set_states(&states);
     let expected = "Repair before the next use: bearings, gear and screw. Inspect at the next scheduled maintenance: position controller.";
     assert_eq!(of(&history).action, expected);
+    // Since the first window in this state, whatever was reported before.
+    history.points = super::tests::history(&["warning", "critical", "critical"], &[], [0.0; FaultId::COUNT]).points;
+    history.points[2].faults = vec!["friction".to_owned()];
+    assert_eq!(of(&history).since_ns, Some(1));
     // Nor where no fault ends the life.
     history.newest.rul.dominant_fault.clear();
     let action = of(&history).action;

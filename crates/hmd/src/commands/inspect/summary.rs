@@ -33,9 +33,7 @@ pub(super) fn summary_line(newest: &Newest, serial_number: Option<&str>) -> Stri
     }
     let states = newest.states();
     // A state by the remaining life is about the part that ends first.
-    let ends_first = newest
-        .state_by_life()
-        .and_then(|_| FaultId::from_name(&rul.dominant_fault));
+    let ends_first = newest.state_by_life().and_then(|_| newest.ends_first());
     let is_fault = |fault: &FaultId| states[fault.index()] >= HealthState::Watch || ends_first == Some(*fault);
     let named = |fault: FaultId| {
         let name = SHORT_NAMES[fault.index()];

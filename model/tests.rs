@@ -1,5 +1,7 @@
 //! Orders of pushing, popping and closing, drawn at random from a fixed seed, and by a scheduler that prefers rare ones.
 
+use std::time::Duration;
+
 use shuttle::scheduler::{PctScheduler, RandomScheduler, Scheduler};
 use shuttle::sync::Arc;
 use shuttle::{Config, Runner, thread};
@@ -43,7 +45,7 @@ fn every_window_is_popped_or_returned_once_and_in_order() {
 }
 
 #[test]
-fn the_last_windows_wait_for_room_and_no_thread_waits_for_ever() {
+fn the_last_windows_are_all_popped_and_waited_for() {
     in_any_order(|| {
         let queue = Arc::new(WindowQueue::new());
         let consumer = {
@@ -51,8 +53,10 @@ fn the_last_windows_wait_for_room_and_no_thread_waits_for_ever() {
             thread::spawn(move || std::iter::from_fn(|| queue.pop()).count())
         };
         for n in 0..WINDOWS {
-            queue.push_waiting(n);
+            queue.push_last(n);
         }
+        while !queue.wait_idle(Duration::MAX) {}
+        assert_eq!(queue.len(), 0);
         queue.close();
         assert_eq!(consumer.join().unwrap(), WINDOWS);
     });
@@ -71,10 +75,11 @@ fn closing_the_queue_unblocks_all_threads() {
             })
         };
         for n in 0..WINDOWS {
-            queue.push_waiting(n);
+            queue.push_last(n);
         }
-        assert!(queue.len() <= WINDOWS);
-        queue.close();
+        while !queue.wait_idle(Duration::MAX) {}
+        assert!(queue.is_closed());
         assert_eq!(consumer.join().unwrap(), Some(0));
+        assert_eq!(queue.take_all().len(), WINDOWS - 1);
     });
 }

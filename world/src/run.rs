@@ -9,7 +9,7 @@ use std::time::Duration;
 use anyhow::Context;
 use ema_wire::ActuatorId;
 use hmd::commands::run::load;
-use hmd::daemon::{HostClock, QUEUE_WINDOWS, STALE_AFTER, Steps};
+use hmd::daemon::{ENDING_MAX, HostClock, QUEUE_WINDOWS, STALE_AFTER, Steps};
 use hmd_core::config::Config;
 use hmd_core::deadline::Clock;
 use hmd_core::frame::BusNames;
@@ -289,7 +289,13 @@ impl World {
         } else {
             // What the sources had received by then they still send.
             let taken = steps.take(&mut inputs);
-            match taken.and_then(|()| steps.finish()) {
+            // One that is stalled assesses no window more.
+            let within = if clock.now() < self.stalled {
+                Duration::ZERO
+            } else {
+                ENDING_MAX
+            };
+            match taken.and_then(|()| steps.finish(within)) {
                 Ok(status) => {
                     self.runs[facts].lost_frames = status.lost_storage_frames;
                     self.runs[facts].status = Some(status).filter(|_| !self.disk.is_dead());

@@ -14,6 +14,9 @@
 //!    its sender sees an error at its end). If its content differs and c is
 //!    still open, two senders share an identifier, and c is rejected; a sample that was delivered is not compared any more.
 //!
+//! A sample that comes whole brings all 16 bits of its counter: behind a delivered one it is late by 128 at most. Farther back the device
+//! restarted, and any number ahead is a gap, as of a serial line that was read late and then a lot at once, with one stamp.
+//!
 //! The assembler holds one sample and queues nothing. After a restart of the device at most `max_span_ns` of samples count
 //! as late. A complete sample that was delayed by more than `max_span_ns` is delivered out of order and counted as a restart.
 //! Rule 1 needs stamps: in a log without stamps (all zero), a silence of n × 256 samples inside a sample is not detected.
@@ -152,7 +155,7 @@ impl Assembler {
     /// Takes a complete sample from the serial line or a `SampleFd`; duplicates, late samples and gaps follow the same rules.
     pub fn push_sample(&mut self, sample: &Sample, received_ns: u64) -> Option<Sample> {
         let seq8 = sample.seq8();
-        match self.relation_to_newest(seq8, received_ns) {
+        match self.relation_to_delivered(sample.seq, received_ns) {
             Relation::Behind => {
                 self.stats.late += 1;
                 return None;
@@ -242,6 +245,23 @@ impl Assembler {
                 }
             }
             _ => Relation::Ahead,
+        }
+    }
+
+    /// Compares the whole counter of a complete sample with the newest sample's, if that was delivered.
+    fn relation_to_delivered(&self, seq: u16, received_ns: u64) -> Relation {
+        match (self.newest, self.last_seq) {
+            (Some(newest), Some(last))
+                if matches!(newest.stage, Stage::Complete)
+                    && newest.since_ns.abs_diff(received_ns) <= self.max_span_ns =>
+            {
+                match seq.wrapping_sub(last).cast_signed() {
+                    0 => Relation::Same(newest.stage),
+                    -128..=-1 => Relation::Behind,
+                    _ => Relation::Ahead,
+                }
+            }
+            _ => self.relation_to_newest(seq as u8, received_ns),
         }
     }
 

@@ -348,16 +348,13 @@ impl Demux {
         streams.map(|NamedStream { stream, .. }| (stream.name(), stream.operated_s()))
     }
 
-    /// Frames dropped because a newer sample had begun.
-    #[must_use]
-    pub fn late(&self) -> u64 {
-        let joined: u64 = self.mapped.values().flatten().map(MappedBus::late).sum();
-        joined
-            + self
-                .streams
-                .values()
-                .map(|named| named.stream.stats().late)
-                .sum::<u64>()
+    /// Names of the actuators seen so far, with their frames dropped because a newer sample had begun.
+    pub fn late(&self) -> impl Iterator<Item = (&str, u64)> {
+        self.streams.iter().map(|((bus, id), NamedStream { stream, .. })| {
+            let mapped = self.mapped.get(bus).and_then(Option::as_ref);
+            let joined = mapped.map_or(0, |mapped| mapped.late_of(*id));
+            (stream.name(), joined + stream.stats().late)
+        })
     }
 }
 

@@ -126,7 +126,11 @@ impl Collector for Snapshot {
             "1 for an interface that can bring frames",
             "interface",
             links,
-        )
+        )?;
+        let passive = status.interfaces.iter();
+        let passive = passive.map(|on| (on.interface.as_str(), u64::from(on.passive)));
+        let help = "1 for an interface whose actuators are all passive";
+        gauges(out, "link_passive", help, "interface", passive)
     }
 }
 
@@ -212,6 +216,7 @@ mod tests {
         Status {
             frames_decoded: 7,
             lost_socket_queue: 3,
+            lost_captures: 2,
             device_restarts: 4,
             rate_changes: 1,
             windows_ok: 2,
@@ -222,6 +227,7 @@ mod tests {
             interfaces: vec![InterfaceStatus {
                 interface: "can0".to_owned(),
                 link: "up".to_owned(),
+                passive: true,
                 ..InterfaceStatus::default()
             }],
             actuators: vec![ActuatorStatus {
@@ -277,6 +283,8 @@ mod tests {
             "hmd_storage_state{state=\"ok\"} 1",
             "hmd_storage_state{state=\"failing\"} 0",
             "hmd_link_up{interface=\"can0\"} 1",
+            "hmd_link_passive{interface=\"can0\"} 1",
+            "hmd_lost_total{cause=\"captures\"} 2",
             "hmd_data_age_seconds{actuator=\"ema3\"} 4.5",
             "hmd_data_stale{actuator=\"ema3\"} 1",
             "hmd_health{actuator=\"ema3\"} 2",

@@ -152,6 +152,11 @@ impl Pipeline {
         of.map(|(name, _, counts)| (name, counts.lost))
     }
 
+    /// Names of the actuators seen, with their frames so far that came after a newer sample had begun.
+    pub fn late(&self) -> impl Iterator<Item = (&str, u64)> {
+        self.demux.iter().flat_map(Demux::late)
+    }
+
     /// Names of the actuators seen, with their complete samples so far.
     pub fn samples(&self) -> impl Iterator<Item = (&str, u64)> {
         let of = self.demux.iter().flat_map(Demux::actuators);
@@ -200,7 +205,7 @@ impl Pipeline {
             rate_changes: streams.rate_changes,
             lost_malformed: frames.malformed,
             lost_windows: losses.windows,
-            lost_late: self.demux.as_ref().map_or(0, Demux::late) + losses.overlapping,
+            lost_late: self.late().map(|(_, late)| late).sum::<u64>() + losses.overlapping,
             windows_ok: windows.ok,
             windows_degraded: windows.degraded,
             windows_invalid: windows.invalid,
@@ -211,7 +216,7 @@ impl Pipeline {
                 .map(|(name, bus)| InterfaceStatus {
                     interface: name.to_owned(),
                     bus_state: self.states.state_of(bus).to_string(),
-                    link: String::new(),
+                    ..InterfaceStatus::default()
                 })
                 .collect(),
             ..Status::default()

@@ -6,7 +6,7 @@
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, ErrorKind, Read};
-use std::os::unix::fs::OpenOptionsExt;
+use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
 use ema_wire::{SerialPacket, Splitter};
@@ -76,11 +76,14 @@ impl SerialSource {
     fn open(&self) -> io::Result<File> {
         let flags = libc::O_NOCTTY | libc::O_NONBLOCK;
         let file = OpenOptions::new().read(true).custom_flags(flags).open(&self.device)?;
+        let mut settings = tcgetattr(&file).map_err(|error| match error {
+            Errno::NOTTY => no_terminal(&file),
+            error => error.into(),
+        })?;
         flock(&file, FlockOperation::NonBlockingLockExclusive).map_err(|error| match error {
             Errno::WOULDBLOCK => io::Error::new(ErrorKind::ResourceBusy, "another reader has it"),
             error => error.into(),
         })?;
-        let mut settings = tcgetattr(&file)?;
         settings.make_raw();
         settings.control_modes |= ControlModes::CREAD | ControlModes::CLOCAL;
         settings.control_modes &= !(ControlModes::CSTOPB | ControlModes::CRTSCTS);
@@ -89,6 +92,18 @@ impl SerialSource {
         tcflush(&file, QueueSelector::IFlush)?;
         Ok(file)
     }
+}
+
+/// The error of a device that is no terminal.
+fn no_terminal(file: &File) -> io::Error {
+    let found = match file.metadata().map(|about| about.file_type()) {
+        Ok(kind) if kind.is_file() => "a regular file",
+        Ok(kind) if kind.is_dir() => "a folder",
+        Ok(kind) if kind.is_fifo() => "a pipe",
+        Ok(_) => "another device",
+        Err(error) => return error,
+    };
+    io::Error::new(ErrorKind::InvalidInput, format!("expected a terminal, found {found}"))
 }
 
 async fn read(file: File, feed: &mut Feed, link: &mut Link, pause: &mut RetryDelay) -> Ended {

@@ -80,6 +80,8 @@ enum Output {
         writer: Box<McapWriter<SyncedFile>>,
         output: OutputFile,
         unsynced: bool,
+        /// The first error, which all later writes give again: the writer itself would only say that there was one.
+        failed: Option<(io::ErrorKind, String)>,
     },
     Folder(Box<SegmentStore>),
 }
@@ -108,6 +110,7 @@ impl Recorder {
             writer: Box::new(writer),
             output,
             unsynced: false,
+            failed: None,
         }))
     }
 
@@ -324,6 +327,11 @@ impl Recorder {
             Output::Folder(store) => Ok(Some(store.finish())),
             Output::Nowhere => Ok(None),
             Output::File {
+                path,
+                failed: Some(first),
+                ..
+            } => Err(write_error(path, &first)),
+            Output::File {
                 path, writer, output, ..
             } => match writer.finish().and_then(|_| Ok(output.put_in_place()?)) {
                 Ok(()) => Ok(None),
@@ -376,15 +384,25 @@ impl Recorder {
         put: impl FnOnce(&mut McapWriter<SyncedFile>) -> Result<(), McapWriteError>,
     ) -> Result<(), RecordError> {
         let Output::File {
-            path, writer, unsynced, ..
+            path,
+            writer,
+            unsynced,
+            failed,
+            ..
         } = &mut self.output
         else {
             unreachable!("only called for a file")
         };
+        if let Some(first) = failed {
+            return Err(write_error(path.clone(), first));
+        }
         *unsynced = true;
-        put(writer).map_err(|source| RecordError::Write {
-            path: path.clone(),
-            source,
+        put(writer).map_err(|source| {
+            *failed = source.io().map(|cause| (cause.kind(), cause.to_string()));
+            RecordError::Write {
+                path: path.clone(),
+                source,
+            }
         })
     }
 
@@ -396,6 +414,14 @@ impl Recorder {
             }
         }
         Ok(())
+    }
+}
+
+/// The error of a file whose writing failed before.
+fn write_error(path: String, (kind, text): &(io::ErrorKind, String)) -> RecordError {
+    RecordError::Write {
+        path,
+        source: McapWriteError::Io(io::Error::new(*kind, text.clone())),
     }
 }
 
@@ -429,4 +455,32 @@ pub fn metadata(config: &Config, clock_source: &str, seed: u64) -> BTreeMap<Stri
         }
     }
     metadata
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+    use super::*;
+
+    #[test]
+    fn the_first_error_of_a_file_is_that_of_every_later_write_too() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("one.mcap");
+        let mut recorder = Recorder::create(&path, &BTreeMap::new()).unwrap();
+        recorder.write_status(1, &Status::default()).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        let first = recorder.tick(Instant::now()).unwrap_err().to_string();
+        assert!(
+            first.ends_with("somebody has removed it while it was written"),
+            "{first}"
+        );
+        for _ in 0..2 {
+            let failed = recorder.write_status(1, &Status::default());
+            assert_eq!(failed.unwrap_err().to_string(), first);
+            let failed = recorder.tick(Instant::now());
+            assert_eq!(failed.unwrap_err().to_string(), first);
+        }
+        assert_eq!(recorder.finish().map(|_| ()).unwrap_err().to_string(), first);
+    }
 }

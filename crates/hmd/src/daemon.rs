@@ -41,6 +41,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinSet;
 
+pub use capture::held_s;
 use capture::{Capture, Put, Step};
 pub use freshness::STALE_AFTER;
 use health_tracker::HealthTracker;
@@ -68,6 +69,10 @@ struct WaitingWindow {
     /// When its last sample arrived.
     arrived: Duration,
 }
+
+/// Time within which waiting windows are assessed at the end of a run; those left are dropped. Nothing is received meanwhile, and a
+/// service manager kills what stops too slowly.
+pub const ENDING_MAX: Duration = Duration::from_secs(20);
 
 /// Time between two ticks, each of which reports fresh losses.
 const TICK: Duration = Duration::from_secs(1);
@@ -132,6 +137,8 @@ pub trait Observer: Sync {
     }
     /// The counters as they are recorded, with those of the storage: every ten seconds, and at the end.
     fn status(&self, _: &Status) {}
+    /// The run ends with an error of its output; its counters until then.
+    fn failed(&self, _: &Status) {}
     /// Every source has reported its state, and the output was written to; called once.
     fn ready(&self) {}
     /// Ingest, pipeline, writer and identification have all made progress; about every second, and not otherwise.
@@ -154,6 +161,8 @@ struct Shared {
     names: BusNames,
     /// Frames that may be stored later, where not all are.
     capture: Option<Capture>,
+    /// Captures wanted whose frames were no longer there, or not all.
+    lost_captures: u64,
     windows: WindowCounts,
     /// Time spent on identification, and the longest that one window took.
     assessing: (Duration, Duration),
@@ -169,14 +178,14 @@ struct Shared {
 
 impl Shared {
     /// Takes a step with the captures, whose frames go to the recorder.
-    fn with_capture(
+    fn with_capture<T>(
         &mut self,
-        act: impl FnOnce(&mut Capture, Put<'_>) -> Result<(), RecordError>,
-    ) -> Result<(), RecordError> {
+        act: impl FnOnce(&mut Capture, Put<'_>) -> Result<T, RecordError>,
+    ) -> Result<Option<T>, RecordError> {
         let (Some(capture), Some(recorder)) = (&mut self.capture, &mut self.recorder) else {
-            return Ok(());
+            return Ok(None);
         };
-        act(capture, &mut |step| match step {
+        let done = act(capture, &mut |step| match step {
             Step::Begin(why) => {
                 recorder.begin_capture(why);
                 Ok(())
@@ -186,12 +195,28 @@ impl Shared {
                 recorder.end_capture();
                 Ok(())
             }
-        })
+        });
+        done.map(Some)
+    }
+
+    /// A window that begins then waits for its verdict.
+    fn begin_wait(&mut self, t_start_ns: u64) {
+        if let Some(capture) = &mut self.capture {
+            capture.begin_wait(t_start_ns);
+        }
+    }
+
+    /// It has its verdict, or gets none.
+    fn end_wait(&mut self, t_start_ns: u64) {
+        if let Some(capture) = &mut self.capture {
+            capture.end_wait(t_start_ns);
+        }
     }
 }
 
 impl Daemon {
-    /// Runs until `shutdown` resolves or every source has ended; then assesses the windows that wait and ends the file.
+    /// Runs until `shutdown` resolves or every source has ended; then assesses the windows that wait, for [`ENDING_MAX`] at most, and ends
+    /// the file.
     ///
     /// # Errors
     /// [`DaemonError`]; the record file is then ended as far as it goes.

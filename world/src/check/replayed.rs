@@ -16,7 +16,6 @@ use hmd_storage::recorder::{PublishedRecord, RecordObserver};
 use prost::Message;
 
 use super::Outcome;
-use crate::clock::EPOCH_NS;
 use crate::disk::{Removed, segment_number};
 use crate::host::Reported;
 use crate::run::World;
@@ -174,7 +173,7 @@ pub(super) fn check(
     Ok(())
 }
 
-/// What asked for its frames has the same estimate by them alone, unless the verdict came when they were given up.
+/// What asked for its frames has the same estimate by them alone, however late the verdict came.
 fn check_captures(run: usize, reported: &[Reported], replayed: &Messages, world: &World, outcome: &mut Outcome) {
     let facts = &world.runs[run];
     let mut before = BTreeMap::new();
@@ -182,9 +181,8 @@ fn check_captures(run: usize, reported: &[Reported], replayed: &Messages, world:
         let last = before.insert(&health.actuator, HealthState::named(&health.health));
         let last = last.unwrap_or_default().max(HealthState::Nominal);
         let asks = HealthState::named(&health.health) > last || health.status == WindowStatus::Unmodelled.name();
-        let began = Duration::from_nanos(health.t_start_ns.saturating_sub(EPOCH_NS));
         let is_early = facts.status.is_some() || *at + LATE < facts.ended;
-        if !asks || !stored || !is_early || *at > began + VERDICT {
+        if !asks || !stored || !is_early {
             continue;
         }
         outcome.replayed += 1;
@@ -204,9 +202,6 @@ fn check_captures(run: usize, reported: &[Reported], replayed: &Messages, world:
         }
     }
 }
-
-/// Time from the beginning of a window within which its frames wait for its verdict.
-const VERDICT: Duration = Duration::from_secs(5);
 
 /// Both records, where they differ.
 fn shown(topic: &str, data: &[Vec<u8>], again: Option<&Vec<Vec<u8>>>) -> String {

@@ -200,3 +200,40 @@ fn status_frames_have_no_effect() {
     );
     assert_eq!(got, [nth_sample(0)]);
 }
+
+/// A serial line that was read late, and then a lot at once: all with one stamp.
+#[test]
+fn whole_samples_after_a_gap_are_delivered_whatever_their_stamps() {
+    for step in [2, 128, 140, 255, 256, 257, 994, 32_767] {
+        let mut assembler = assembler();
+        let samples = [0, 1, 1 + step, 2 + step].map(nth_sample);
+        let got: Vec<Sample> = samples
+            .iter()
+            .filter_map(|sample| assembler.push_sample(sample, 7))
+            .collect();
+        assert_eq!(got, samples, "{step}");
+        let expected = AssemblerStats {
+            samples: 4,
+            missing: step - 1,
+            ..Default::default()
+        };
+        assert_eq!(assembler.stats(), expected, "{step}");
+        assert_eq!(assembler.push_sample(&samples[3], 7), None);
+        assert_eq!(assembler.push_sample(&nth_sample(1 + step), 7), None);
+        assert_eq!((assembler.stats().duplicates, assembler.stats().late), (1, 1));
+    }
+}
+
+#[test]
+fn a_counter_far_back_is_a_restart_though_the_stamps_are_one() {
+    let mut assembler = assembler();
+    for k in [40_000, 0, 1, 2] {
+        assert!(assembler.push_sample(&nth_sample(k), 7).is_some(), "{k}");
+    }
+    assert_eq!((assembler.stats().restarts, assembler.stats().late), (0, 0));
+    let mut assembler = self::assembler();
+    for k in [20_000, 0, 1, 2] {
+        assert!(assembler.push_sample(&nth_sample(k), 7).is_some(), "{k}");
+    }
+    assert_eq!((assembler.stats().restarts, assembler.stats().late), (1, 0));
+}

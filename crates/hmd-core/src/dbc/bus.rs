@@ -64,9 +64,10 @@ impl MappedBus {
         }
     }
 
-    /// Frames that came after a newer sample had begun.
+    /// Frames of an actuator that came after a newer sample had begun.
     #[must_use]
-    pub fn late(&self) -> u64 {
-        self.joiners.iter().map(|(_, joiner)| joiner.late()).sum()
+    pub fn late_of(&self, actuator: ActuatorId) -> u64 {
+        let of = self.joiners.iter().filter(|(id, _)| *id == actuator);
+        of.map(|(_, joiner)| joiner.late()).sum()
     }
 }

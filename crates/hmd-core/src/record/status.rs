@@ -52,6 +52,8 @@ message! {
         windows_invalid: u64 = 23 uint64;
         /// Windows with status `unmodelled`.
         windows_unmodelled: u64 = 24 uint64;
+        /// Losses: windows whose frames were to be stored and were no longer there, or not all.
+        lost_captures: u64 = 25 uint64;
         /// The interfaces, in the order of their sources.
         interfaces: Vec<InterfaceStatus> = 34 message repeated InterfaceStatus;
         /// Of the unreadable: serial frames longer than any packet.
@@ -98,6 +100,8 @@ message! {
         bus_state: String = 2 string;
         /// Link, live only: `up`, `down` or `missing`.
         link: String = 3 string;
+        /// Whether all actuators on it are passive, live only: that it brings no frames raises no alarm.
+        passive: bool = 4 bool;
     }
 }
 
@@ -206,7 +210,7 @@ pub struct StoreStatus {
 impl Status {
     /// What was lost, by cause.
     #[must_use]
-    pub fn losses(&self) -> [(&'static str, u64); 9] {
+    pub fn losses(&self) -> [(&'static str, u64); 10] {
         [
             ("unreadable", self.lost_unreadable),
             ("damaged", self.lost_damaged),
@@ -217,6 +221,7 @@ impl Status {
             ("late", self.lost_late),
             ("storage_frames", self.lost_storage_frames),
             ("storage_records", self.lost_storage_records),
+            ("captures", self.lost_captures),
         ]
     }
 

@@ -66,6 +66,7 @@ fn status(actuators: usize, stale: &[usize]) -> Status {
         interface: name.to_owned(),
         bus_state: bus_state.to_owned(),
         link: link.to_owned(),
+        passive: false,
     };
     let actuator = |n: usize| ActuatorStatus {
         actuator: format!("ema{n}"),

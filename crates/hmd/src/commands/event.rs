@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use super::instant::instant;
 use super::{Exit, Misuse, load_config, say, warn};
+use crate::daemon::held_s;
+
 use hmd_core::history::{Event, EventKind, ReplacedPart};
 use hmd_core::timestamp;
 use hmd_storage::clock::now_ns;
@@ -116,6 +118,13 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let (minute, noted) = (timestamp::minute(event.t_ns), path.display());
     if event.t_ns > now {
         warn(format_args!("--at: warning: {minute} UTC is still to come"));
+    }
+    let held_s = held_s(&config);
+    let age_s = 1e-9 * now.saturating_sub(event.t_ns) as f64;
+    if kind == EventKind::Keep && age_s > held_s {
+        warn(format_args!(
+            "--at: warning: {minute} UTC is {age_s:.0} s ago; a daemon that keeps up holds frames for {held_s:.1} s"
+        ));
     }
     say(&match kind {
         EventKind::Reset => {

@@ -130,6 +130,7 @@ pub(super) fn report(status: &Status, is_watched: bool) -> Exit {
         (status.lost_windows, "window", "windows"),
         (status.lost_storage_frames, "frame not stored", "frames not stored"),
         (status.lost_storage_records, "record not stored", "records not stored"),
+        (status.lost_captures, "capture", "captures"),
     ]
     .into_iter()
     .filter(|(count, ..)| *count > 0)

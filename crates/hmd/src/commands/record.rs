@@ -12,6 +12,7 @@ use crate::daemon::{Daemon, Observer};
 use hmd_core::assess::AssessedWindow;
 use hmd_core::config::{DEFAULT_BITRATE_BIT_S, OutputConfig};
 use hmd_core::frame::BusNames;
+use hmd_core::record::Status;
 use hmd_ingest::can::{CanSource, Wanted};
 use hmd_ingest::live::LiveSource;
 use hmd_ingest::serial::SerialSource;
@@ -110,5 +111,9 @@ impl Observer for NoticePrinter {
 
     fn notice(&self, message: &str) {
         tell(message);
+    }
+
+    fn failed(&self, status: &Status) {
+        report(status, false);
     }
 }

@@ -397,6 +397,10 @@ impl Observer for Printer {
         }
     }
 
+    fn failed(&self, status: &Status) {
+        report(status, true);
+    }
+
     fn ready(&self) {
         service::ready();
     }

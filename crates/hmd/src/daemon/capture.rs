@@ -1,7 +1,8 @@
 //! Frames around the windows that matter, for a run that does not store all.
 //!
-//! The newest frames wait in a ring. An interval that is wanted takes its frames out of it, and all that come until its end. What is
-//! written without a break is one capture; a frame given up behind it ends it.
+//! The newest frames wait in a ring, for some seconds and as long as a window waits that may ask for them. An interval that is wanted
+//! takes its frames out of it, and all that come until its end. What is written without a break is one capture; a frame given up behind
+//! it ends it.
 
 use std::collections::VecDeque;
 
@@ -15,8 +16,8 @@ const FRAMES_MAX: usize = 1 << 18;
 /// Most intervals wanted at once; a further one extends the last.
 const INTERVALS_MAX: usize = 64;
 
-/// How long a window may wait for its verdict, ns: twice what a full queue of them takes.
-const VERDICT_NS: u64 = 5_000_000_000;
+/// How much longer than a window and what is stored before it a frame waits in any case, ns: time for an operator to ask for it.
+const SPARE_NS: u64 = 5_000_000_000;
 
 /// Takes what becomes of the frames.
 pub(super) type Put<'a> = &'a mut dyn FnMut(Step<'_>) -> Result<(), RecordError>;
@@ -32,6 +33,15 @@ pub(super) enum Step<'a> {
     End,
 }
 
+/// What is there of an interval that is wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Found {
+    /// All that came of it, and what comes.
+    All,
+    /// Frames were given up, or had passed when the run began.
+    NotAll,
+}
+
 /// An interval of stamps, UTC ns, both ends included.
 #[derive(Clone, Debug)]
 struct Wanted {
@@ -45,8 +55,14 @@ struct Wanted {
 pub(super) struct Capture {
     before_ns: u64,
     after_ns: u64,
-    /// Age at which no window asks for a frame any more.
+    /// Age up to which frames wait though no window does.
     held_ns: u64,
+    /// Starts of the windows without a verdict, UTC ns.
+    unassessed: Vec<u64>,
+    /// Newest stamp of which frames are no longer there, UTC ns.
+    gone_ns: u64,
+    /// Stamps of the first and last frame of the newest capture, UTC ns.
+    captured_ns: (u64, u64),
     /// Frames not written, oldest first.
     waiting: VecDeque<RawFrame>,
     wanted: Vec<Wanted>,
@@ -55,23 +71,39 @@ pub(super) struct Capture {
 }
 
 impl Capture {
-    /// For a run of this configuration; `None` where all frames are stored, or none shall be.
-    pub(super) fn of(config: &Config) -> Option<Self> {
+    /// For a run of this configuration that begins now, UTC ns; `None` where all frames are stored, or none shall be.
+    pub(super) fn of(config: &Config, now_ns: u64) -> Option<Self> {
         let output = config.output();
         let ns = |seconds: f64| (1e9 * seconds) as u64;
-        let before_ns = ns(output.capture_before_s);
         (output.captures && !output.raw_frames).then(|| Self {
-            before_ns,
+            before_ns: ns(output.capture_before_s),
             after_ns: ns(output.capture_after_s),
-            held_ns: before_ns + ns(1e-3 * config.window().duration_ms) + VERDICT_NS,
+            held_ns: ns(held_s(config)),
+            unassessed: Vec::new(),
+            gone_ns: now_ns,
+            captured_ns: (u64::MAX, 0),
             waiting: VecDeque::new(),
             wanted: Vec::new(),
             open: false,
         })
     }
 
+    /// A window that begins then waits for its verdict, and its frames with it.
+    pub(super) fn begin_wait(&mut self, t_start_ns: u64) {
+        self.unassessed.push(t_start_ns);
+    }
+
+    /// It has its verdict, or gets none.
+    pub(super) fn end_wait(&mut self, t_start_ns: u64) {
+        if let Some(n) = self.unassessed.iter().position(|start| *start == t_start_ns) {
+            self.unassessed.swap_remove(n);
+        }
+    }
+
     /// Takes the newest frame.
     pub(super) fn push(&mut self, frame: &RawFrame, put: Put<'_>) -> Result<(), RecordError> {
+        // The first one, or the clock was set back.
+        self.gone_ns = self.gone_ns.min(frame.stamp_ns.saturating_sub(1));
         self.waiting.push_back(*frame);
         if self.is_wanted(frame) {
             return self.write_wanted(put);
@@ -79,8 +111,20 @@ impl Capture {
         self.give_up(frame.stamp_ns, put)
     }
 
-    /// Asks for the frames from an interval of time, with what the configuration adds around it.
-    pub(super) fn want(&mut self, (from_ns, to_ns): (u64, u64), why: String, put: Put<'_>) -> Result<(), RecordError> {
+    /// Asks for the frames from an interval of time, with what the configuration adds around it. Whether those of the interval itself
+    /// are there.
+    pub(super) fn want(
+        &mut self,
+        (from_ns, to_ns): (u64, u64),
+        why: String,
+        put: Put<'_>,
+    ) -> Result<Found, RecordError> {
+        let is_captured = self.captured_ns.0 <= from_ns && to_ns <= self.captured_ns.1;
+        let found = if from_ns > self.gone_ns || is_captured {
+            Found::All
+        } else {
+            Found::NotAll
+        };
         let from_ns = from_ns.saturating_sub(self.before_ns);
         let to_ns = to_ns.saturating_add(self.after_ns);
         let is_full = self.wanted.len() == INTERVALS_MAX;
@@ -91,7 +135,8 @@ impl Capture {
             }
             _ => self.wanted.push(Wanted { from_ns, to_ns, why }),
         }
-        self.write_wanted(put)
+        self.write_wanted(put)?;
+        Ok(found)
     }
 
     /// Gives up what no window asks for any more; to be called every second, so that a silent bus ends a capture as well.
@@ -126,10 +171,13 @@ impl Capture {
             .unwrap_or(last);
         let mut left = last + 1;
         if !self.open {
-            self.waiting.drain(..unwanted);
+            for frame in self.waiting.drain(..unwanted) {
+                self.gone_ns = self.gone_ns.max(frame.stamp_ns);
+            }
             left -= unwanted;
             self.open = true;
             let stamp_ns = self.waiting.front().map_or(0, |frame| frame.stamp_ns);
+            self.captured_ns.0 = stamp_ns;
             let why = self
                 .wanted
                 .iter()
@@ -137,18 +185,22 @@ impl Capture {
             put(Step::Begin(why.map_or("", |wanted| &wanted.why)))?;
         }
         for frame in self.waiting.drain(..left) {
+            self.captured_ns.1 = frame.stamp_ns;
             put(Step::Frame(&frame))?;
         }
         Ok(())
     }
 
-    /// Gives up frames that are older than any window without a verdict, or of a time to come, after the clock was set back.
+    /// Gives up frames that are older than what any window without a verdict asks for, or of a time to come, after the clock was set back.
     fn give_up(&mut self, now_ns: u64, put: Put<'_>) -> Result<(), RecordError> {
         let mut given_up = false;
-        while let Some(oldest) = self.waiting.front()
-            && (self.waiting.len() > FRAMES_MAX || oldest.stamp_ns.abs_diff(now_ns) > self.held_ns)
+        while let Some(&RawFrame { stamp_ns, .. }) = self.waiting.front()
+            && (self.waiting.len() > FRAMES_MAX || !self.is_held(stamp_ns, now_ns))
         {
             self.waiting.pop_front();
+            if stamp_ns <= now_ns {
+                self.gone_ns = self.gone_ns.max(stamp_ns);
+            }
             given_up = true;
         }
         if given_up && self.open {
@@ -157,6 +209,18 @@ impl Capture {
         }
         Ok(())
     }
+
+    /// Whether a frame may still be asked for.
+    fn is_held(&self, stamp_ns: u64, now_ns: u64) -> bool {
+        let is_asked = |start: &u64| stamp_ns >= start.saturating_sub(self.before_ns);
+        stamp_ns.abs_diff(now_ns) <= self.held_ns || self.unassessed.iter().any(is_asked)
+    }
+}
+
+/// How long frames wait for someone who asks for them, by a configuration, s; longer while windows wait for their verdict.
+#[must_use]
+pub fn held_s(config: &Config) -> f64 {
+    config.output().capture_before_s + 1e-3 * config.window().duration_ms + 1e-9 * SPARE_NS as f64
 }
 
 #[cfg(test)]
@@ -185,14 +249,14 @@ mod tests {
         fn new() -> Self {
             let text = "[output]\nraw_frames = false\ncapture_before_s = 2\ncapture_after_s = 1";
             Self {
-                capture: Capture::of(&Config::from_toml_str(text, "test").unwrap()).unwrap(),
+                capture: Capture::of(&Config::from_toml_str(text, "test").unwrap(), START).unwrap(),
                 next: 0,
                 begun: false,
                 put: Put::new(),
             }
         }
 
-        fn act(&mut self, act: impl FnOnce(&mut Capture, super::Put<'_>) -> Result<(), RecordError>) {
+        fn act<T>(&mut self, act: impl FnOnce(&mut Capture, super::Put<'_>) -> Result<T, RecordError>) -> T {
             let (begun, put) = (&mut self.begun, &mut self.put);
             act(&mut self.capture, &mut |step| {
                 match step {
@@ -205,7 +269,7 @@ mod tests {
                 }
                 Ok(())
             })
-            .unwrap();
+            .unwrap()
         }
 
         fn push(&mut self, stamp_ns: u64) {
@@ -214,8 +278,8 @@ mod tests {
             self.act(|capture, put| capture.push(&frame, put));
         }
 
-        fn want(&mut self, from_ns: u64, to_ns: u64) {
-            self.act(|capture, put| capture.want((from_ns, to_ns), "why".to_owned(), put));
+        fn want(&mut self, from_ns: u64, to_ns: u64) -> Found {
+            self.act(|capture, put| capture.want((from_ns, to_ns), "why".to_owned(), put))
         }
     }
 
@@ -226,9 +290,9 @@ mod tests {
         for n in 0..400 {
             bench.push(at(n));
             match n {
-                55 => bench.want(at(40), at(45)),
-                95 => bench.want(at(80), at(85)),
-                300 => bench.want(at(290), at(295)),
+                55 => assert_eq!(bench.want(at(40), at(45)), Found::All),
+                95 => assert_eq!(bench.want(at(80), at(85)), Found::All),
+                300 => assert_eq!(bench.want(at(290), at(295)), Found::All),
                 _ => {}
             }
         }
@@ -263,6 +327,52 @@ mod tests {
         bench.act(|capture, put| capture.tick(START + 60_000 * MS, put));
         assert_eq!((bench.capture.wanted.len(), bench.capture.waiting.len()), (0, 0));
         assert_eq!(bench.put, []);
+    }
+
+    #[test]
+    fn frames_wait_as_long_as_their_window_and_what_is_gone_is_told() {
+        let mut bench = Bench::new();
+        let at = |n: u64| START + n * 100 * MS;
+        assert_eq!(
+            bench.want(START - 60_000 * MS, START - 60_000 * MS),
+            Found::NotAll,
+            "before the run"
+        );
+        for n in 0..1_500 {
+            bench.push(at(n));
+            match n {
+                100 => bench.capture.begin_wait(at(90)),
+                200 => bench.capture.begin_wait(at(190)),
+                1_000 => {
+                    assert_eq!(bench.want(at(90), at(95)), Found::All, "90 s later");
+                    bench.capture.end_wait(at(90));
+                    assert_eq!(bench.want(at(92), at(93)), Found::All, "in that capture");
+                }
+                1_300 => {
+                    // The window was dropped.
+                    bench.capture.end_wait(at(190));
+                }
+                1_400 => assert_eq!(bench.want(at(190), at(195)), Found::NotAll),
+                _ => {}
+            }
+        }
+        let put: Vec<u32> = bench.put.iter().flatten().map(|(frame, _)| *frame).collect();
+        assert_eq!(put, (70..=105).collect::<Vec<u32>>());
+        assert!(bench.capture.unassessed.is_empty());
+    }
+
+    #[test]
+    fn a_clock_that_was_set_back_hides_no_frames() {
+        let mut bench = Bench::new();
+        for n in 0..200 {
+            bench.push(START + n * 100 * MS);
+        }
+        let back = START - 3_600_000 * MS;
+        for n in 0..20 {
+            bench.push(back + n * 100 * MS);
+        }
+        assert_eq!(bench.want(back, back + 1_000 * MS), Found::All);
+        assert_eq!(bench.want(back - 1_000 * MS, back), Found::NotAll);
     }
 
     proptest! {

@@ -4,6 +4,7 @@ use std::fs::File;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
+use super::capture::Found;
 use super::health_tracker::{HealthTracker, is_worse};
 use super::host_clock::HostClock;
 use super::pipeline_thread::{publish, publish_rate_limited};
@@ -64,7 +65,7 @@ impl<'a, C: HostClock> Identification<'a, C> {
         tracker
     }
 
-    /// Assesses the windows of the queue until it is closed.
+    /// Assesses the windows of the queue until it is closed, or the run is over.
     pub(super) fn run(
         &mut self,
         windows: &WindowQueue,
@@ -72,7 +73,9 @@ impl<'a, C: HostClock> Identification<'a, C> {
         observer: &impl Observer,
     ) -> Result<(), DaemonError> {
         self.rehearse()?;
-        while let Some(window) = windows.pop() {
+        while !windows.is_over(self.clock.now())
+            && let Some(window) = windows.pop()
+        {
             self.assess(window, windows, shared, observer)?;
         }
         Ok(())
@@ -172,7 +175,7 @@ impl<'a, C: HostClock> Identification<'a, C> {
                 let stamp_ns = assessed.health.t_start_ns;
                 publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Info, &mut shared, observer)?;
             }
-            Self::keep_frames(&assessed, length_ns, &mut shared)?;
+            Self::keep_frames(&assessed, length_ns, &mut shared, observer)?;
             shared.health_changed |=
                 shared.health_tracker.health_of(&assessed.health.actuator).health != assessed.health.health;
             let notices = shared.health_tracker.update(
@@ -192,12 +195,8 @@ impl<'a, C: HostClock> Identification<'a, C> {
             }
             let (mut stored, mut messages) = (true, Vec::new());
             if let Some(recorder) = &mut shared.recorder {
-                // At the end there are no ticks any more, and the storage is tended here.
-                if windows.is_closed() {
-                    messages = recorder.tick(self.clock.instant())?;
-                }
                 stored = recorder.write_assessed(&assessed)?;
-                messages.append(&mut recorder.take_messages());
+                messages = recorder.take_messages();
             }
             // Reported before the line of a window that is not stored.
             for (level, message) in messages {
@@ -209,10 +208,6 @@ impl<'a, C: HostClock> Identification<'a, C> {
             }
             stored
         };
-        if windows.is_closed() {
-            // There are no ticks any more.
-            observer.heartbeat();
-        }
         // Reported only now: what is reported as assessed is on the disk.
         let reported = if stored {
             observer.assessed(&assessed)
@@ -246,13 +241,25 @@ impl<'a, C: HostClock> Identification<'a, C> {
     }
 
     /// Stores the frames around a window that somebody will want to look at.
-    fn keep_frames(assessed: &AssessedWindow, length_ns: u64, shared: &mut Shared) -> Result<(), DaemonError> {
-        let Some(why) = reason_to_keep(assessed, &shared.health_tracker) else {
-            return Ok(());
-        };
+    fn keep_frames(
+        assessed: &AssessedWindow,
+        length_ns: u64,
+        shared: &mut Shared,
+        observer: &impl Observer,
+    ) -> Result<(), DaemonError> {
         let from_ns = assessed.health.t_start_ns;
-        let to_ns = from_ns.saturating_add(length_ns);
-        Ok(shared.with_capture(|capture, put| capture.want((from_ns, to_ns), why, put))?)
+        if let Some(why) = reason_to_keep(assessed, &shared.health_tracker) {
+            let times = (from_ns, from_ns.saturating_add(length_ns));
+            let message = format!("{why}: its frames are no longer there, or not all");
+            let found = shared.with_capture(|capture, put| capture.want(times, why, put))?;
+            if found == Some(Found::NotAll) {
+                shared.lost_captures += 1;
+                let stamp_ns = from_ns;
+                publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
+            }
+        }
+        shared.end_wait(from_ns);
+        Ok(())
     }
 }
 

@@ -10,12 +10,13 @@ use std::time::Duration;
 use ema_wire::{DeframerStats, FrameError};
 use tokio::sync::mpsc;
 
+use super::capture::Found;
 use super::freshness::Freshness;
 use super::host_clock::HostClock;
 use super::keep_requests::KeepRequests;
 use super::other_numbers::OtherNumbers;
 use super::wall_clock::WallClock;
-use super::{DaemonError, Observer, Shared, WaitingWindow, WindowQueue, lock};
+use super::{DaemonError, ENDING_MAX, Observer, Shared, TICK, WaitingWindow, WindowQueue, lock};
 use hmd_core::config::Config;
 use hmd_core::counted::counted;
 use hmd_core::frame::BusNames;
@@ -45,8 +46,8 @@ pub(super) struct PipelineThread<'a, C> {
     fresh_losses: BTreeMap<(u16, LiveLoss), u64>,
     /// Counters of each serial line at the last tick, as reported.
     reported: BTreeMap<u16, DeframerStats>,
-    /// Samples of each actuator lost until the last tick.
-    lost_samples: BTreeMap<String, u64>,
+    /// Samples of each actuator lost, and its frames out of order, until the last tick.
+    lost: BTreeMap<String, [u64; 2]>,
     /// Windows dropped since the last tick.
     fresh_drops: u64,
     ticks: u64,
@@ -60,6 +61,8 @@ pub(super) struct PipelineThread<'a, C> {
     pub(super) assessing_max: Duration,
     /// Names of the actuators whose changes raise no alarm.
     passive: BTreeSet<String>,
+    /// Names of the buses on which all actuators are such.
+    passive_buses: BTreeSet<String>,
     keep_requests: KeepRequests,
     wall_clock: WallClock,
     other_numbers: OtherNumbers,
@@ -87,7 +90,7 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
             links: BTreeMap::new(),
             fresh_losses: BTreeMap::new(),
             reported: BTreeMap::new(),
-            lost_samples: BTreeMap::new(),
+            lost: BTreeMap::new(),
             fresh_drops: 0,
             ticks: 0,
             store_raw,
@@ -95,11 +98,12 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
             assessing_max: ASSESSING_MAX,
             freshness: Freshness::new(actuators().map(|actuator| actuator.name.clone()), clock.instant()),
             passive: passive.map(|actuator| actuator.name.clone()).collect(),
+            passive_buses: config.as_deref().map(passive_buses).unwrap_or_default(),
             wall_clock: WallClock::default(),
         }
     }
 
-    /// Takes all inputs until every source has ended, then ends the open windows. Ends early when the identification thread has ended.
+    /// Takes all inputs until every source has ended, then ends the open windows and waits for their assessment. Ends early when the identification thread has ended.
     pub(super) fn run(
         &mut self,
         mut inputs: mpsc::Receiver<Input>,
@@ -122,7 +126,33 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
             self.queued.0 = inputs.len() as u64;
             self.take(&mut batch, waited_from, windows, shared, observer)?;
         }
-        self.finish(windows, shared, observer)
+        self.finish(ENDING_MAX, windows, shared, observer)?;
+        let mut is_told = false;
+        while !windows.wait_idle(TICK) {
+            if !std::mem::replace(&mut is_told, true) {
+                self.publish_ending(windows.unassessed(), &mut lock(shared), observer)?;
+            }
+            let stamp_ns = self.clock.utc_ns();
+            self.take(
+                &mut vec![Input::Tick { stamp_ns }],
+                self.clock.now(),
+                windows,
+                shared,
+                observer,
+            )?;
+        }
+        Ok(())
+    }
+
+    /// Tells what an end waits for.
+    fn publish_ending(&self, windows: u64, shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {
+        let message = format!(
+            "stopping: {} to assess; those left after {} s are dropped",
+            counted(windows, "window", "windows"),
+            ENDING_MAX.as_secs()
+        );
+        let stamp_ns = self.clock.utc_ns();
+        publish(&Notice { stamp_ns, message }, LogLevel::Info, shared, observer)
     }
 
     /// Takes inputs that have waited since then at most.
@@ -149,6 +179,7 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
         self.publish_notices(&mut shared, observer)?;
         for job in self.pipeline.take_windows() {
             let arrived = arrival_of(&job, waited_from, self.clock);
+            shared.begin_wait(job.window.t_start_ns);
             if let Some(dropped) = windows.push(WaitingWindow { job, arrived }) {
                 self.count_dropped(&dropped.job, &mut shared)?;
             }
@@ -156,9 +187,10 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
         Ok(())
     }
 
-    /// Ends the open windows; waits where the queue has no room for them.
+    /// Ends the open windows; those that wait may be assessed for a time.
     pub(super) fn finish(
         &mut self,
+        within: Duration,
         windows: &WindowQueue,
         shared: &Mutex<Shared>,
         observer: &impl Observer,
@@ -167,11 +199,32 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
         let mut last = lock(shared);
         self.publish_losses(self.clock.utc_ns(), &mut last, observer)?;
         self.publish_notices(&mut last, observer)?;
-        // Identification needs it to make room.
-        drop(last);
+        let arrived = self.clock.now();
+        windows.end_by(arrived + within);
         for job in self.pipeline.take_windows() {
-            let arrived = self.clock.now();
-            windows.push_waiting(WaitingWindow { job, arrived });
+            last.begin_wait(job.window.t_start_ns);
+            windows.push_last(WaitingWindow { job, arrived });
+        }
+        Ok(())
+    }
+
+    /// Counts the windows that wait as dropped, when nobody assesses them any more.
+    pub(super) fn drop_waiting(
+        &mut self,
+        windows: &WindowQueue,
+        shared: &mut Shared,
+        observer: &impl Observer,
+    ) -> Result<(), DaemonError> {
+        for waiting in windows.take_all() {
+            self.count_dropped(&waiting.job, shared)?;
+        }
+        self.queued = (0, 0);
+        let dropped = std::mem::take(&mut self.fresh_drops);
+        if dropped > 0 {
+            let windows = counted(dropped, "window", "windows");
+            let message = format!("{windows} dropped: not assessed when the run ended");
+            let stamp_ns = self.clock.utc_ns();
+            publish(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
         }
         Ok(())
     }
@@ -189,10 +242,12 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
             queued_windows: self.queued.1,
             identification_s: identification.as_secs_f64(),
             identification_max_s: longest.as_secs_f64(),
+            lost_captures: shared.lost_captures,
             record_age_s: shared.last_record.map(|at| (self.clock.instant() - at).as_secs_f64()),
             ..self.pipeline.status(&self.names, shared.windows)
         };
         for (interface, bus) in status.interfaces.iter_mut().zip(0..) {
+            interface.passive = self.passive_buses.contains(&interface.interface);
             interface.link = self.links.get(&bus).map(ToString::to_string).unwrap_or_default();
         }
         for (name, data_age_s, stale) in self.freshness.ages(self.clock.instant()) {
@@ -330,8 +385,12 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
             let asked = format!("{}: asked for by hmd event --keep", event.actuator);
             let why = event.note.map_or(asked.clone(), |note| format!("{asked}: {note}"));
             let message = format!("frames wanted: {why}");
-            shared.with_capture(|capture, put| capture.want((event.t_ns, event.t_ns), why, put))?;
-            publish(&Notice { stamp_ns, message }, LogLevel::Info, shared, observer)?;
+            let found = shared.with_capture(|capture, put| capture.want((event.t_ns, event.t_ns), why, put))?;
+            let (level, message) = match found {
+                Some(Found::NotAll) => (LogLevel::Warning, format!("{message}; they are no longer there")),
+                _ => (LogLevel::Info, message),
+            };
+            publish(&Notice { stamp_ns, message }, level, shared, observer)?;
         }
         Ok(())
     }
@@ -392,6 +451,7 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
     fn count_dropped(&mut self, job: &WindowJob, shared: &mut Shared) -> Result<(), DaemonError> {
         self.pipeline.losses.windows += 1;
         self.fresh_drops += 1;
+        shared.end_wait(job.window.t_start_ns);
         if let Some(recorder) = &mut shared.recorder {
             recorder.write_dropped(job)?;
         }
@@ -426,15 +486,22 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
             }
         }
         // An actuator may be seen on several buses under one name.
-        let mut losses: BTreeMap<String, u64> = BTreeMap::new();
+        let mut losses: BTreeMap<String, [u64; 2]> = BTreeMap::new();
         for (name, lost) in self.pipeline.lost_samples() {
-            *losses.entry(name.to_owned()).or_default() += lost;
+            losses.entry(name.to_owned()).or_default()[0] += lost;
         }
-        for (name, lost) in losses {
-            let before = self.lost_samples.insert(name.clone(), lost).unwrap_or(0);
-            if lost > before {
-                let message = format!("{name}: {} lost", counted(lost - before, "sample", "samples"));
-                publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
+        for (name, late) in self.pipeline.late() {
+            losses.entry(name.to_owned()).or_default()[1] += late;
+        }
+        for (name, [lost, late]) in losses {
+            let before = self.lost.insert(name.clone(), [lost, late]).unwrap_or_default();
+            let (lost, late) = (lost.saturating_sub(before[0]), late.saturating_sub(before[1]));
+            let samples = format!("{name}: {} lost", counted(lost, "sample", "samples"));
+            let frames = format!("{name}: {} out of order, not used", counted(late, "frame", "frames"));
+            for (count, message) in [(lost, samples), (late, frames)] {
+                if count > 0 {
+                    publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
+                }
             }
         }
         let windows = std::mem::take(&mut self.fresh_drops);
@@ -447,6 +514,18 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
         }
         Ok(())
     }
+}
+
+/// Names of the buses of a configuration on which all actuators are passive.
+fn passive_buses(config: &Config) -> BTreeSet<String> {
+    let buses = |is_passive: bool| -> BTreeSet<String> {
+        let of = config
+            .actuators()
+            .iter()
+            .filter(|actuator| actuator.passive == is_passive);
+        of.filter_map(|actuator| actuator.bus.clone()).collect()
+    };
+    &buses(true) - &buses(false)
 }
 
 /// When the last sample of a window arrived: by its stamp, which stamps of another clock may not put before the time since when
@@ -508,4 +587,21 @@ pub(super) fn publish(
         recorder.write_notice(notice, level)?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bus_is_passive_if_all_its_actuators_are() {
+        let text = [("u", true), ("v", true), ("v", false), ("w", false), ("u", true)];
+        let text: String = (0..)
+            .zip(text)
+            .map(|(id, (bus, passive))| format!("[[actuator]]\nid = {id}\nbus = \"{bus}\"\npassive = {passive}\n"))
+            .collect();
+        let text = format!("[type.bench.sensors]\nsample_rate_hz = 400\n{text}");
+        let config = Config::from_toml_str(&text, "hmd.toml").expect("a good configuration");
+        assert!(passive_buses(&config).into_iter().eq(["u"]));
+    }
 }

@@ -8,7 +8,7 @@ use super::host_clock::HostClock;
 use super::identification::Identification;
 use super::notices::Notices;
 use super::pipeline_thread::{PipelineThread, publish, publish_last_summaries};
-use super::{DaemonError, Observer, Shared, WindowQueue};
+use super::{DaemonError, Observer, Shared, TICK, WindowQueue};
 use hmd_core::assess::{Estimator, WindowCounts};
 use hmd_core::config::Config;
 use hmd_core::frame::BusNames;
@@ -54,7 +54,7 @@ impl<'a, C: HostClock, O: Observer> Steps<'a, C, O> {
         let capture = config
             .as_ref()
             .filter(|_| is_folder)
-            .and_then(|config| Capture::of(config));
+            .and_then(|config| Capture::of(config, clock.utc_ns()));
         let mut identification = watch
             .map(|(config, seed)| Identification::new(config, seed, estimator, clock))
             .transpose()?;
@@ -67,6 +67,7 @@ impl<'a, C: HostClock, O: Observer> Steps<'a, C, O> {
                 recorder,
                 names: names.clone(),
                 capture,
+                lost_captures: 0,
                 windows: WindowCounts::default(),
                 assessing: (Duration::ZERO, Duration::ZERO),
                 last_record: None,
@@ -112,21 +113,27 @@ impl<'a, C: HostClock, O: Observer> Steps<'a, C, O> {
         self.pipeline.status(&super::lock(&self.shared))
     }
 
-    /// Ends the open windows, assesses all that wait, and ends the output.
+    /// Ends the open windows, assesses those that wait for a time, and ends the output.
     ///
     /// # Errors
     /// As [`Daemon::run`](super::Daemon::run).
-    pub fn finish(mut self) -> Result<Status, DaemonError> {
-        // The last windows find room.
-        let mut assessed = self.assess_all();
-        let watched = self.pipeline.finish(&self.windows, &self.shared, self.observer);
+    pub fn finish(mut self, within: Duration) -> Result<Status, DaemonError> {
+        let watched = self.pipeline.finish(within, &self.windows, &self.shared, self.observer);
+        let assessed = self.assess_last();
         self.windows.close();
-        assessed = assessed.and_then(|()| self.assess_all());
         self.end(watched, assessed)
     }
 
-    fn assess_all(&mut self) -> Result<(), DaemonError> {
-        while self.assess()? {}
+    /// Assesses what waits until the run is over, with a tick each second.
+    fn assess_last(&mut self) -> Result<(), DaemonError> {
+        let mut ticked = self.clock.now();
+        while !self.windows.is_over(self.clock.now()) && self.assess()? {
+            if self.clock.now() >= ticked + TICK {
+                ticked = self.clock.now();
+                let stamp_ns = self.clock.utc_ns();
+                self.take(&mut vec![Input::Tick { stamp_ns }])?;
+            }
+        }
         Ok(())
     }
 
@@ -137,8 +144,10 @@ impl<'a, C: HostClock, O: Observer> Steps<'a, C, O> {
         assessed: Result<(), DaemonError>,
     ) -> Result<Status, DaemonError> {
         let mut shared = self.shared.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let mut pipeline = self.pipeline;
+        let dropped = pipeline.drop_waiting(&self.windows, &mut shared, self.observer);
         let counted = match &mut self.identification {
-            Some(identification) if assessed.is_ok() => identification.end_run(&self.pipeline.operated_s()),
+            Some(identification) if assessed.is_ok() => identification.end_run(&pipeline.operated_s()),
             _ => Ok(Vec::new()),
         };
         let counted = counted.and_then(|notices| {
@@ -154,16 +163,17 @@ impl<'a, C: HostClock, O: Observer> Steps<'a, C, O> {
             notices.into_iter().try_for_each(publish)
         });
         let published = publish_last_summaries(self.clock.utc_ns(), &mut shared, self.observer);
-        let mut status = self.pipeline.status(&shared);
+        let mut status = pipeline.status(&shared);
         let written = shared.recorder.map_or(Ok(None), |mut recorder| {
             recorder.write_status(self.clock.utc_ns(), &status)?;
             recorder.finish()
         });
         // The file is ended whatever went wrong before; the first error is returned.
-        assessed?;
-        watched?;
-        counted?;
-        published?;
+        let ended = assessed.and(watched).and(dropped).and(counted).and(published);
+        let written = ended.and_then(|()| Ok(written?));
+        if let Err(DaemonError::Record(_)) = written {
+            self.observer.failed(&status);
+        }
         if let Some(store) = written? {
             status.set_storage(&store.status);
             for (level, message) in store.messages {

@@ -1,28 +1,33 @@
 //! The watchdog is fed by a tick that went through sources, pipeline and writer while identification goes on, and by nothing else.
 
 use std::io;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use super::host_clock::SteadyClock;
 use super::steps::Steps;
-use super::{Observer, WaitingWindow, lock};
+use super::{ENDING_MAX, Observer, WaitingWindow, lock};
 use hmd_core::assess::{AssessedWindow, Identification};
 use hmd_core::config::Config;
+use hmd_core::deadline::Clock;
 use hmd_core::frame::{BusNames, FrameFlags, RawFrame};
 use hmd_core::outbox::WindowJob;
 use hmd_core::sample::MeasuredConditions;
 use hmd_core::window::{Window, WindowQuality};
 use hmd_ingest::feed::{Input, LinkState};
+use tokio::sync::mpsc;
 
 /// Counts how often the watchdog is fed.
 #[derive(Default)]
-struct Fed(AtomicU32);
+struct Fed {
+    times: AtomicU32,
+    notices: Mutex<Vec<String>>,
+}
 
 impl Fed {
     fn times(&self) -> u32 {
-        self.0.load(Relaxed)
+        self.times.load(Relaxed)
     }
 }
 
@@ -31,10 +36,12 @@ impl Observer for Fed {
         Ok(())
     }
 
-    fn notice(&self, _: &str) {}
+    fn notice(&self, message: &str) {
+        self.notices.lock().unwrap().push(message.to_owned());
+    }
 
     fn heartbeat(&self) {
-        self.0.fetch_add(1, Relaxed);
+        self.times.fetch_add(1, Relaxed);
     }
 }
 
@@ -136,4 +143,44 @@ fn a_writer_that_hangs_starves_the_watchdog() {
         taking.join().unwrap().unwrap();
     });
     assert_eq!(fed.times(), 1);
+}
+
+/// No source brings ticks any more while the last windows are assessed.
+#[test]
+fn an_end_that_waits_for_windows_ticks_and_drops_what_is_left() {
+    let (clock, fed) = (SteadyClock(Instant::now()), Fed::default());
+    let mut steps = steps(&clock, &fed);
+    for _ in 0..3 {
+        assert!(steps.windows.push(window()).is_none());
+    }
+    let Steps {
+        shared,
+        windows,
+        pipeline,
+        ..
+    } = &mut steps;
+    assert!(windows.pop().is_some());
+    let (sources, inputs) = mpsc::channel(1);
+    drop(sources);
+    std::thread::scope(|scope| {
+        let ending = scope.spawn(|| pipeline.run(inputs, windows, shared, &fed));
+        while fed.times() < 2 {
+            assert!(!ending.is_finished(), "one is being assessed");
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        assert!(!windows.is_over(clock.now()) && windows.is_over(clock.now() + ENDING_MAX));
+        windows.close();
+        ending.join().unwrap().unwrap();
+    });
+    let status = steps.end(Ok(()), Ok(())).unwrap();
+    assert_eq!((status.lost_windows, status.queued_windows), (2, 0));
+    let notices = fed.notices.into_inner().unwrap();
+    let told = [
+        "stopping: 3 windows to assess; those left after 20 s are dropped",
+        "2 windows dropped: not assessed when the run ended",
+    ];
+    assert!(
+        told.iter().all(|told| notices.iter().any(|notice| notice == told)),
+        "{notices:?}"
+    );
 }

@@ -23,6 +23,8 @@ pub(super) struct WindowQueue<T> {
 struct State<T> {
     waiting: VecDeque<T>,
     closed: bool,
+    /// Time after which the popping thread takes no further window; of a clock that the queue does not read.
+    ends: Option<Duration>,
     /// When the window was taken that is being assessed.
     busy_since: Option<Instant>,
 }
@@ -33,6 +35,7 @@ impl<T> WindowQueue<T> {
             state: Mutex::new(State {
                 waiting: VecDeque::new(),
                 closed: false,
+                ends: None,
                 busy_since: None,
             }),
             changed: Condvar::new(),
@@ -52,20 +55,18 @@ impl<T> WindowQueue<T> {
         dropped
     }
 
-    /// Takes a window when there is room for it, for the end of a run, when no newer one can come.
-    pub(super) fn push_waiting(&self, job: T) {
-        let mut state = self.lock();
-        while state.waiting.len() >= QUEUE_WINDOWS && !state.closed {
-            state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
-        }
-        state.waiting.push_back(job);
+    /// Takes a window however many wait, for the end of a run, when no newer one can come.
+    pub(super) fn push_last(&self, job: T) {
+        self.lock().waiting.push_back(job);
         self.changed.notify_all();
     }
 
     /// The oldest window; waits for one. `None` when the queue is closed and empty.
     pub(super) fn pop(&self) -> Option<T> {
         let mut state = self.lock();
-        state.busy_since = None;
+        if state.busy_since.take().is_some() {
+            self.changed.notify_all();
+        }
         loop {
             if let Some(job) = state.waiting.pop_front() {
                 state.busy_since = Some(Instant::now());
@@ -84,6 +85,12 @@ impl<T> WindowQueue<T> {
         look(&self.lock().waiting)
     }
 
+    /// Windows that wait or are being assessed.
+    pub(super) fn unassessed(&self) -> u64 {
+        let state = self.lock();
+        state.waiting.len() as u64 + u64::from(state.busy_since.is_some())
+    }
+
     /// Windows that wait.
     pub(super) fn len(&self) -> usize {
         self.lock().waiting.len()
@@ -92,6 +99,29 @@ impl<T> WindowQueue<T> {
     /// For how long the window that was taken last has been assessed; zero when none is.
     pub(super) fn busy_for(&self) -> Duration {
         self.lock().busy_since.map_or(Duration::ZERO, |since| since.elapsed())
+    }
+
+    /// The run ends: no further window is to be popped from this time on.
+    pub(super) fn end_by(&self, time: Duration) {
+        self.lock().ends = Some(time);
+    }
+
+    /// Whether the time has come from which on no further window is to be popped.
+    pub(super) fn is_over(&self, now: Duration) -> bool {
+        self.lock().ends.is_some_and(|ends| now >= ends)
+    }
+
+    /// Waits until all windows are assessed or an end has closed the queue, for a time at most. Whether it is so.
+    pub(super) fn wait_idle(&self, within: Duration) -> bool {
+        let is_busy = |state: &mut State<T>| !state.closed && (!state.waiting.is_empty() || state.busy_since.is_some());
+        let waited = self.changed.wait_timeout_while(self.lock(), within, is_busy);
+        let (mut state, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        !is_busy(&mut state)
+    }
+
+    /// Takes out all windows that wait.
+    pub(super) fn take_all(&self) -> VecDeque<T> {
+        std::mem::take(&mut self.lock().waiting)
     }
 
     /// No further windows will be pushed, or taken: either end may say so.

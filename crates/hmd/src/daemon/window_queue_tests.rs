@@ -25,3 +25,29 @@ fn the_oldest_gives_way() {
     assert_eq!(queue.push(QUEUE_WINDOWS), Some(0));
     assert_eq!((queue.len(), queue.pop()), (QUEUE_WINDOWS, Some(1)));
 }
+
+#[test]
+fn an_end_waits_for_what_is_assessed_and_what_is_left_is_taken_out() {
+    let (queue, soon) = (WindowQueue::new(), Duration::from_millis(5));
+    assert!(queue.wait_idle(soon), "nothing waits");
+    for n in 0..2 * QUEUE_WINDOWS {
+        queue.push_last(n);
+    }
+    assert_eq!(queue.pop(), Some(0));
+    assert_eq!(queue.unassessed(), 2 * QUEUE_WINDOWS as u64);
+    assert!(!queue.wait_idle(soon));
+    let second = Duration::from_secs(1);
+    assert!(!queue.is_over(Duration::MAX));
+    queue.end_by(second);
+    assert!(!queue.is_over(second - soon) && queue.is_over(second));
+    assert!(queue.take_all().into_iter().eq(1..2 * QUEUE_WINDOWS));
+    assert!(!queue.wait_idle(soon), "one is being assessed");
+    std::thread::scope(|scope| {
+        scope.spawn(|| queue.pop());
+        assert!(queue.wait_idle(Duration::from_secs(60)));
+        queue.push_last(0);
+    });
+    queue.push_last(1);
+    queue.close();
+    assert!(queue.wait_idle(soon), "nobody pops");
+}

@@ -60,12 +60,22 @@ fn run_retries_missing_serial_device() {
     is_complete(&output);
 
     // What is there and no terminal is down.
-    let output = folder.path().join("raw.mcap");
-    let line = format!("uart1={}@400000", config.display());
-    let (code, text) = run_until_first_report(hmd().args(["record", "--serial", &line, "-o"]).arg(&output));
-    assert_eq!(code, Some(0), "{text}");
-    assert!(text.starts_with("uart1: down (Inappropriate ioctl"), "{text}");
-    is_complete(&output);
+    for (n, (device, found)) in [
+        (config.display().to_string(), "a regular file"),
+        (folder.path().display().to_string(), "a folder"),
+        ("/dev/null".to_owned(), "another device"),
+    ]
+    .iter()
+    .enumerate()
+    {
+        let output = folder.path().join(format!("raw{n}.mcap"));
+        let line = format!("uart1={device}@400000");
+        let (code, text) = run_until_first_report(hmd().args(["record", "--serial", &line, "-o"]).arg(&output));
+        assert_eq!(code, Some(0), "{text}");
+        let told = format!("uart1: down (expected a terminal, found {found}); waiting");
+        assert!(text.starts_with(&told), "{text}");
+        is_complete(&output);
+    }
 }
 
 /// A run that is ended with the test, whatever comes of that.

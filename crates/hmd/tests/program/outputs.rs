@@ -160,9 +160,17 @@ fn an_event_says_what_it_noted_and_refuses_what_means_nothing() {
         said.trim(),
         format!("ema3: gearbox replaced, its faults begin anew {noted}")
     );
-    let said = folder.done("event --keep ema3 -c hmd.toml --at 2026-11-20T14:00Z");
+    let ended = folder.hmd("event --keep ema3 -c hmd.toml --at 2026-11-20T14:00Z");
+    assert!(
+        ended
+            .stderr
+            .contains(" s ago; a daemon that keeps up holds frames for 7.5 s"),
+        "{}",
+        ended.stderr
+    );
+    assert_eq!(folder.hmd("event --keep ema3 -c hmd.toml").stderr, "");
     assert_eq!(
-        said.trim(),
+        ended.stdout.trim(),
         "ema3: frames from 2 s before to 1 s after 2026-11-20 14:00 UTC asked for; noted in events.jsonl"
     );
     let ended = folder.hmd("event --reset ema3 -c hmd.toml --at 2200-01-01T00:00Z");

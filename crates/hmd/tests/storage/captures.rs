@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use hmd::daemon::{HostClock, Observer, Steps};
+use hmd::daemon::{ENDING_MAX, HostClock, Observer, Steps};
 use hmd_core::assess::{AssessedWindow, Identification};
 use hmd_core::deadline::Clock;
 use hmd_core::frame::{BusNames, RawFrame};
@@ -20,7 +20,7 @@ use hmd_storage::event_file;
 use hmd_storage::mcap_writer::METADATA_NAME;
 use hmd_storage::recorder::{Recorder, metadata};
 
-use super::hmd;
+use super::{hmd, hmd_with_code};
 
 /// Time of the frames that were given.
 struct FrameClock {
@@ -42,6 +42,15 @@ impl HostClock for FrameClock {
 
     fn utc_ns(&self) -> u64 {
         self.now_ns.load(Relaxed)
+    }
+}
+
+/// Such a clock that stands at a time, UTC ns.
+fn clock_from(start_ns: u64) -> FrameClock {
+    FrameClock {
+        start: Instant::now(),
+        start_ns,
+        now_ns: AtomicU64::new(start_ns),
     }
 }
 
@@ -96,11 +105,7 @@ fn run(root: &Path, log: &Path, request_at: Duration) -> (Said, Vec<RawFrame>) {
     let frames: Vec<RawFrame> = source.by_ref().map(Result::unwrap).collect();
     let names = source.into_bus_names();
     let start_ns = frames[0].stamp_ns;
-    let clock = FrameClock {
-        start: Instant::now(),
-        start_ns,
-        now_ns: AtomicU64::new(start_ns),
-    };
+    let clock = clock_from(start_ns);
     let said = Said::default();
     let recorder = Recorder::open_folder(
         &root.join("segments"),
@@ -134,7 +139,7 @@ fn run(root: &Path, log: &Path, request_at: Duration) -> (Said, Vec<RawFrame>) {
         steps.take(&mut inputs).unwrap();
         while steps.assess().unwrap() {}
     }
-    let status = steps.finish().unwrap();
+    let status = steps.finish(ENDING_MAX).unwrap();
     assert_eq!((status.lost_storage_frames, status.lost_storage_records), (0, 0));
     (said, frames)
 }
@@ -190,11 +195,7 @@ fn frames_around_a_window_whose_health_got_worse_are_kept_and_those_asked_for_an
 
     // The daemon that starts next knows it before it sees any window, and a replay does not.
     let config = Arc::new(load_config(root.path().join("hmd.toml")).unwrap());
-    let clock = FrameClock {
-        start: Instant::now(),
-        start_ns: 0,
-        now_ns: AtomicU64::new(0),
-    };
+    let clock = clock_from(0);
     let (names, next) = (BusNames::new(), Said::default());
     let steps = Steps::new(names, None, Some((config, 1)), Arc::new(Identification), &clock, &next).unwrap();
     let resumed = steps.status().actuators;
@@ -224,4 +225,41 @@ fn frames_around_a_window_whose_health_got_worse_are_kept_and_those_asked_for_an
         );
         assert_eq!(window["suspects"], serde_json::Value::Null, "{line}");
     }
+}
+
+#[test]
+fn windows_left_at_the_end_of_a_run_are_recorded_and_a_replay_leaves_them_out() {
+    let root = tempfile::tempdir().unwrap();
+    let text = "[type.slow]\nbased_on = \"bench\"\n[type.slow.sensors]\nsample_rate_hz = 400\n\
+                [[actuator]]\nid = 0\nname = \"ema0\"\ntype = \"slow\"\n";
+    std::fs::write(root.path().join("hmd.toml"), text).unwrap();
+    hmd(root.path(), "simulate --rate 400 --windows 5 --seed 4 -o some.log");
+    let config = Arc::new(load_config(root.path().join("hmd.toml")).unwrap());
+    let mut source = open(&root.path().join("some.log")).unwrap();
+    let mut inputs: Vec<Input> = source.by_ref().map(|frame| Input::Frame(frame.unwrap())).collect();
+    let (clock, said) = (clock_from(1), Said::default());
+    let about = metadata(&config, "host", 1);
+    let recorder = Recorder::open_folder(&root.path().join("segments"), &about, config.output().limits()).unwrap();
+    let (names, watch) = (source.into_bus_names(), Some((config, 1)));
+    let mut steps = Steps::new(names, Some(recorder), watch, Arc::new(Identification), &clock, &said).unwrap();
+    steps.take(&mut inputs).unwrap();
+    for _ in 0..2 {
+        assert!(steps.assess().unwrap());
+    }
+    let status = steps.finish(Duration::ZERO).unwrap();
+    assert_eq!(status.lost_windows, 3);
+    let starts = said
+        .healths
+        .lock()
+        .unwrap()
+        .iter()
+        .map(|health| health.t_start_ns)
+        .collect::<Vec<_>>();
+    assert_eq!(starts.len(), 2);
+    let again = hmd_with_code(root.path(), "replay --json -c hmd.toml segments/", 3);
+    let again = again
+        .lines()
+        .map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
+    let again: Vec<u64> = again.map(|window| window["t_start_ns"].as_u64().unwrap()).collect();
+    assert_eq!(again, starts);
 }

@@ -14,10 +14,15 @@ use std::process::Command;
 /// What a verb says on stdout; it does its work and loses nothing.
 #[allow(clippy::unwrap_used, reason = "a failed step of a test ends it")]
 fn hmd(folder: &Path, line: &str) -> String {
+    hmd_with_code(folder, line, 0)
+}
+
+/// The same of a run that ends with another code.
+fn hmd_with_code(folder: &Path, line: &str, code: i32) -> String {
     let mut command = Command::new(env!("CARGO_BIN_EXE_hmd"));
     let ended = command.args(line.split(' ')).current_dir(folder).output().unwrap();
     let stderr = String::from_utf8_lossy(&ended.stderr);
-    assert_eq!(ended.status.code(), Some(0), "hmd {line}: {stderr}");
+    assert_eq!(ended.status.code(), Some(code), "hmd {line}: {stderr}");
     String::from_utf8(ended.stdout).unwrap()
 }
 

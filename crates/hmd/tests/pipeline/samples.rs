@@ -114,8 +114,5 @@ fn a_log_is_a_table_of_samples() {
     assert_eq!(damaged.rows, exported.rows);
     assert_eq!(damaged.lost.as_deref(), Some("data lost: 1 unreadable line or frame"));
     let [place] = &told[..] else { panic!("{told:?}") };
-    assert!(
-        place.contains("a.log:") && place.contains("found \"no\""),
-        "{place}"
-    );
+    assert!(place.contains("a.log:") && place.contains("found \"no\""), "{place}");
 }

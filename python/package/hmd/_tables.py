@@ -11,6 +11,10 @@ if TYPE_CHECKING:
     import pyarrow
 
 
+PLACES = 20
+"""Places of a loss that a warning names one by one."""
+
+
 class DataLossWarning(UserWarning):
     """Parts of a file could not be read and were passed over; the rest is there."""
 
@@ -52,6 +56,9 @@ def read_raw(logs: Paths, *, config: Path | None = None) -> "pyarrow.Table":
 
 
 def _warned(rows: _hmd.ArrowTable, lost: list[str]) -> "pyarrow.Table":
+    if len(lost) > PLACES + 1:
+        # The last one says how much it is in all.
+        lost = [*lost[:PLACES], f"{len(lost) - 1 - PLACES} more", lost[-1]]
     if lost:
         warnings.warn("; ".join(lost), DataLossWarning, stacklevel=4)
     return to_pyarrow(rows)

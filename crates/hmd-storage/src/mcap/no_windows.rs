@@ -13,7 +13,7 @@ use crate::mcap_writer::METADATA_NAME;
 pub struct NoWindows {
     files: Vec<Arc<str>>,
     /// The first file that cannot have any, or of which that is not known, and why.
-    cause: Option<(Arc<str>, Cause)>,
+    cause: Option<Box<(Arc<str>, Cause)>>,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -39,7 +39,7 @@ impl NoWindows {
             is_frames_alone(messages).then_some(Cause::FramesAlone)
         };
         if self.cause.is_none() {
-            self.cause = cause.map(|cause| (file.clone(), cause));
+            self.cause = cause.map(|cause| Box::new((file.clone(), cause)));
         }
         self.files.push(file);
     }
@@ -61,7 +61,7 @@ fn is_frames_alone<R: Read + Seek>(messages: &McapMessages<R>) -> bool {
 impl fmt::Display for NoWindows {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         const FOUND: &str = "expected records of windows, found none";
-        match &self.cause {
+        match self.cause.as_deref() {
             None => write!(f, "{}: {FOUND}: no actuation was recorded", self.files.join(", ")),
             Some((file, Cause::Loss(loss))) => write!(f, "{file}: {FOUND}: at byte {}: {}", loss.at_byte, loss.fault),
             Some((file, Cause::Foreign)) => write!(f, "{file}: {FOUND}: it is a file of another program"),

@@ -137,7 +137,7 @@ fn field(head: &Head) -> Field {
         Kind::Number => DataType::Float64,
     };
     let unit = (!head.unit.is_empty()).then(|| ("unit".to_owned(), head.unit.to_owned()));
-    Field::new(head.name, kind, head.kind == Kind::Number).with_metadata(HashMap::from_iter(unit))
+    Field::new(head.name, kind, head.kind.may_be_absent()).with_metadata(HashMap::from_iter(unit))
 }
 
 /// Values of one kind; the heads say of which.
@@ -162,7 +162,7 @@ fn column(kind: Kind, values: Vec<Value>) -> ArrayRef {
             _ => None,
         }))),
         Kind::Flag => Arc::new(BooleanArray::from_iter(values.map(|value| match value {
-            Value::Flag(flag) => Some(flag),
+            Value::Flag(flag) => flag,
             _ => None,
         }))),
         Kind::Number => Arc::new(Float64Array::from_iter(values.map(|value| match value {

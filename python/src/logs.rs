@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use hmd::commands::recordings::{Wanted, recordings};
-use hmd::commands::{check_files, load_config};
+use hmd::commands::{Losses, check_files, load_config};
 use hmd_report::export::{TableKind, export, export_raw, raw_heads};
 use hmd_storage::calibration_file::hash_of_models;
 use pyo3::prelude::*;
@@ -13,43 +13,51 @@ use pyo3::prelude::*;
 use crate::arrow::{ArrowTable, Shared};
 use crate::error::{misuse, raised};
 
-/// Records of files or folders that `hmd` wrote; also whether parts could not be read.
+/// Records of files or folders that `hmd` wrote; also what could not be read, a sentence each.
 #[pyfunction]
-pub(crate) fn read_records(py: Python<'_>, files: Vec<PathBuf>, table: &str) -> PyResult<(ArrowTable, bool)> {
+pub(crate) fn read_records(py: Python<'_>, files: Vec<PathBuf>, table: &str) -> PyResult<(ArrowTable, Vec<String>)> {
     let kind = match table {
         "health" => TableKind::Health,
         "samples" => TableKind::Samples,
         _ => return Err(misuse(format!("table: expected health or samples, found {table:?}"))),
     };
     let rows = Shared::new(kind.heads());
-    let exported = py
+    let losses = py
         .detach(|| {
             let files = recordings(&files, Wanted::Records)?;
-            Ok::<_, anyhow::Error>(export(&files, kind, Box::new(rows.clone()), &mut |_| {})?)
+            let mut losses = Losses::default();
+            export(&files, kind, Box::new(rows.clone()), &mut |loss| losses.add(loss))?;
+            Ok::<_, anyhow::Error>(losses)
         })
         .map_err(raised)?;
-    if exported.rows == 0 && exported.damaged {
-        let names: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
-        return Err(raised(anyhow::anyhow!(
-            "{}: expected records of windows, found none",
-            names.join(", ")
-        )));
-    }
-    Ok((rows.into_table()?, exported.damaged))
+    let mut lost = Vec::new();
+    losses.exit(&mut |sentence| lost.push(sentence.to_owned()));
+    Ok((rows.into_table()?, lost))
 }
 
-/// Samples of logs, or folders of them; also whether parts could not be read.
+/// Samples of logs, or folders of them; also what could not be read, a sentence each.
 #[pyfunction]
-pub(crate) fn read_raw(py: Python<'_>, logs: Vec<PathBuf>, config: Option<PathBuf>) -> PyResult<(ArrowTable, bool)> {
+pub(crate) fn read_raw(
+    py: Python<'_>,
+    logs: Vec<PathBuf>,
+    config: Option<PathBuf>,
+) -> PyResult<(ArrowTable, Vec<String>)> {
     let config = load_config(config.as_deref()).map_err(raised)?;
     let rows = Shared::new(raw_heads());
-    let exported = py
+    let named: Vec<String> = logs.iter().map(|log| log.display().to_string()).collect();
+    let (losses, sum) = py
         .detach(|| {
             let logs = recordings(&logs, Wanted::Logs)?;
-            Ok::<_, anyhow::Error>(export_raw(&logs, Arc::new(config), Box::new(rows.clone()))?)
+            let mut losses = Losses::default();
+            let table = Box::new(rows.clone());
+            let exported = export_raw(&logs, Arc::new(config), table, &mut |loss| losses.add(loss))?;
+            Ok::<_, anyhow::Error>((losses, exported.lost))
         })
         .map_err(raised)?;
-    Ok((rows.into_table()?, exported.damaged))
+    let mut lost = Vec::new();
+    losses.list(&mut |sentence| lost.push(sentence.to_owned()));
+    lost.extend(sum.map(|sum| format!("{}: {sum}", named.join(", "))));
+    Ok((rows.into_table()?, lost))
 }
 
 /// Hash of a checked configuration, that of the calibrations its types are assessed with, and the further files it names.

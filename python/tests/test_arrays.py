@@ -148,8 +148,21 @@ def test_records_are_those_of_the_export(program: str, worn: Path, tmp_path: Pat
 def test_damage_is_warned_of(worn: Path, tmp_path: Path) -> None:
     torn = tmp_path / "torn.log"
     torn.write_text(worn.read_text() + "no frame\n")
-    with pytest.warns(hmd.DataLossWarning, match=r"torn\.log"):
+    with pytest.warns(hmd.DataLossWarning) as told:
         rows = hmd.read_raw(torn)
+    [warning] = told
+    line = len(torn.read_text().splitlines())
+    assert str(warning.message).startswith(f"{torn}:{line}: expected ")
+    assert str(warning.message).endswith(f"; {torn}: data lost: 1 unreadable line or frame")
+    recorded = tmp_path / "recorded.mcap"
+    hmd.replay(worn, output=recorded)
+    recorded.write_bytes(recorded.read_bytes()[:-4000])
+    with pytest.warns(hmd.DataLossWarning) as told:
+        hmd.read_records(recorded)
+    with pytest.warns(hmd.DataLossWarning) as of_export:
+        hmd.export(recorded, tmp_path / "recorded.csv")
+    assert [str(warning.message) for warning in told] == [str(warning.message) for warning in of_export]
+    assert f"{recorded}: at byte " in str(told[0].message)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert rows.equals(hmd.read_raw(worn))
@@ -159,3 +172,44 @@ def test_damage_is_warned_of(worn: Path, tmp_path: Path) -> None:
         hmd.read_records(worn)
     with pytest.raises(hmd.UsageError, match="files: expected a file or folder, found none"):
         hmd.read_records([])
+
+
+def test_a_file_without_records_says_why_as_the_export_does(worn: Path, tmp_path: Path) -> None:
+    whole = tmp_path / "whole.mcap"
+    hmd.replay(worn, output=whole)
+    frames = tmp_path / "frames.mcap"
+    hmd.simulate(frames, rate_hz=400)
+    cut, empty, text = (tmp_path / f"{name}.mcap" for name in ("cut", "empty", "text"))
+    cut.write_bytes(whole.read_bytes()[:8000])
+    empty.write_bytes(b"")
+    text.write_text("t,i_a\n0.0,1.5\n")
+    for file, why in (
+        (cut, "at byte [0-9]+: expected a record, found the end of the file: it was cut or never finished"),
+        (empty, "at byte 0: expected an MCAP file, found an empty file"),
+        (text, "at byte 0: expected the start of an MCAP file, found"),
+        (frames, "it has frames alone"),
+    ):
+        expected = rf"{file.name}: expected records of windows, found none: {why}"
+        with pytest.raises(hmd.Error, match=expected) as caught:
+            hmd.read_records(file)
+        with pytest.raises(hmd.Error, match=expected) as by_export:
+            hmd.export(file, tmp_path / "out.csv")
+        assert str(by_export.value) == str(caught.value)
+
+
+def test_a_recording_without_an_actuation_is_a_table_without_rows(worn: Path, tmp_path: Path) -> None:
+    idle, recorded = tmp_path / "idle.log", tmp_path / "idle.mcap"
+    idle.write_text("".join(worn.read_text().splitlines(keepends=True)[:400]))
+    assessed = hmd.replay(idle, output=recorded)
+    assert len(assessed) == 0
+    table = hmd.read_records(recorded)
+    assert table.equals(assessed.to_arrow())
+    for name in ("idle.parquet", "idle.csv"):
+        hmd.export(recorded, tmp_path / name)
+    exported = pq.read_table(tmp_path / "idle.parquet")
+    assert (exported.num_rows, exported.schema.names, exported.schema.types) == (
+        0,
+        table.schema.names,
+        table.schema.types,
+    )
+    assert (tmp_path / "idle.csv").read_text().strip() == ",".join(table.column_names)

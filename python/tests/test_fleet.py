@@ -118,6 +118,9 @@ def test_a_log_that_cannot_be_read_has_no_result_and_one_that_is_bad_has(tmp_pat
     bad.write_text("")
     head = json.loads(job.result(one_log(bad, job).key).read_text())
     assert (head["exit"], str(tmp_path) in head["message"]) == (1, False)
+    assert contract.message_of("a/b.log", head["message"]).startswith("a/b.log: expected a log of a format")
+    # As results of earlier versions have it.
+    assert contract.message_of("a/b.log", "log: expected a log") == "a/b.log: expected a log"
     with pytest.raises(hmd.ConfigError):
         Job.prepared(tmp_path / "out", tmp_path / "missing.toml", 1)
 
@@ -262,6 +265,8 @@ def test_bad_logs_are_listed_and_end_nothing(spoilt: Path, tmp_path: Path) -> No
     counts = {"logs": 8, "judged": 5, "bad": 2, "with_losses": 1, "same_twice": 1, "windows": 5, "units": 2}
     assert summary["counts"] == counts
     assert [bad["log"] for bad in summary["bad"]] == ["bad.mcap", "empty.log"]
+    assert [bad["message"].split(": ")[0] for bad in summary["bad"]] == ["bad.mcap", "empty.log"]
+    assert "; the first: bad.mcap:1: expected a stamp" in summary["bad"][0]["message"]
     assert summary["lossy"][0]["log"] == "torn.log"
     assert summary["twice"] == [{"log": "zz-copy.log", "same_as": "unit-0/day-00.log"}]
     report = (out / "report.html").read_text()
@@ -285,6 +290,12 @@ def test_the_report_finds_the_unit_that_wears(fleet: Path, tmp_path: Path) -> No
     assert found[0].per_month == pytest.approx(30 * 0.04, rel=0.05)
     assert all(trend.unit.name == "unit-2/ema0" for trend in found)
     assert {(outlier.unit.name, outlier.fault) for outlier in outliers(units)} == {("unit-2/ema0", 0)}
+    rows = pq.read_table(out / "fleet.parquet").to_pylist()
+    # With the other columns of the export that a replay's line has.
+    last = hmd.replay(fleet / "unit-2/day-09.log", config=config).to_arrow()
+    found_row, [expected] = next(row for row in rows if row["log"] == "unit-2/day-09.log"), last.to_pylist()
+    for name in ("suspects", "serial_number", *(name for name in last.column_names if name.startswith("state_"))):
+        assert found_row[name] == expected[name], name
     text = (out / "report.html").read_text()
     assert "<svg" in text
     assert not re.search(r"(src|href)\s*=|url\(|<script", text)

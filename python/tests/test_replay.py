@@ -6,6 +6,7 @@ import pickle
 import subprocess
 import threading
 import time
+import warnings
 from pathlib import Path
 
 import pandas
@@ -88,6 +89,7 @@ def test_windows_are_a_sequence_that_shows_itself(worn: Path) -> None:
     assert {window["health"] for window in found} == {"watch"}
     assert repr(found) == "<hmd.Judged, 2 windows: 2 of ema0 watch>"
     assert found[1] == found.windows[1]
+    assert found[:1] == found.windows[:1]
     again = pickle.loads(pickle.dumps(found))
     assert again == found
     assert again.to_arrow().equals(found.to_arrow())
@@ -137,6 +139,32 @@ def test_losses_are_reported_and_the_rest_is_assessed(program: str, worn: Path, 
     assert f"{torn}: {assessed.loss}" in ended.stderr
     assert all(notice in ended.stderr for notice in assessed.notices)
     assert ended.stdout.splitlines() == assessed.lines
+
+
+def test_what_was_not_assessed_is_observable_nowhere(worn: Path, tmp_path: Path) -> None:
+    lines = worn.read_text().splitlines(keepends=True)
+    torn = tmp_path / "torn.log"
+    torn.write_text("".join(lines[: len(lines) // 3] + lines[len(lines) // 3 + 100 :]))
+    with pytest.warns(hmd.DataLossWarning):
+        found = hmd.replay(torn, output=tmp_path / "torn.mcap")
+    assert "invalid" in {window["status"] for window in found}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", hmd.DataLossWarning)
+        stored = hmd.read_records(tmp_path / "torn.mcap")
+    for table in (found.to_arrow(), stored):
+        for n in range(8):
+            expected = [window["observable"] and window["observable"][n] for window in found]
+            assert table[f"k{n + 1}_observable"].to_pylist() == expected
+
+
+def test_logs_come_in_an_order(worn: Path, tmp_path: Path) -> None:
+    for function in (hmd.replay, hmd.read_raw):
+        with pytest.raises(hmd.UsageError, match="logs: expected paths in the order of time, found a set"):
+            function({worn})
+        assert len(function(path for path in [worn])) > 0
+    recorded = tmp_path / "worn.mcap"
+    hmd.replay(worn, output=recorded)
+    assert hmd.read_records({recorded}).num_rows == 2
 
 
 def test_other_threads_go_on_meanwhile() -> None:

@@ -50,6 +50,8 @@ def test_a_unit_is_commissioned_as_by_the_program(program: str, tmp_path: Path) 
     assert "<svg" in (tmp_path / "ours.html").read_text()
     with pytest.raises(hmd.Error, match="expected at least 5 windows"):
         hmd.calibrate(healthy / "a.log", ours)
+    with pytest.raises(hmd.Error, match='--name: expected one of ema0, found "zz"'):
+        hmd.calibrate(healthy, ours, name="zz")
     config = tmp_path / "hmd.toml"
     config.write_text(
         f'[[actuator]]\nid = 0\ncalibration = "{ours.name}"\n[type.bench.transmission]\ngear_ratio = 201.0\n'
@@ -109,6 +111,11 @@ def test_a_simulation_is_that_of_the_program(program: str, tmp_path: Path) -> No
     assert ours.read_bytes() == theirs.read_bytes()
     truth = Path(f"{ours}.truth.jsonl").read_text()
     assert json.loads(truth)["k"] == [0.1, 0, 0, 0, 0, 0, 0.5, 0.7]
+
+    hmd.simulate(ours, mode="speed", profile="step", preset="odrive", output_encoder=True, id=3, seed=4, rate_hz=400)
+    words = "--mode speed --profile step --preset odrive --output-encoder --id 3 --seed 4 --rate 400".split()
+    command(program, "simulate", "-o", theirs, *words)
+    assert ours.read_bytes() == theirs.read_bytes()
 
     start = datetime(2026, 11, 20, 14, tzinfo=UTC)
     hmd.simulate(ours, effects={"dead_time_s": 1.5e-6, "cogging_nm": 0.05}, drive="vector", start=start)

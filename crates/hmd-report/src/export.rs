@@ -13,12 +13,12 @@ use prost::Message;
 
 use hmd_core::record::{Health, Record, Rul, Window};
 use hmd_ingest::file::{IngestError, open_recorded};
-use hmd_storage::mcap::{McapLoss, McapMessages};
+use hmd_storage::mcap::{McapLoss, McapMessages, NoWindows};
 use hmd_storage::mcap_writer::METADATA_NAME;
 
 pub use csv::{CsvTable, metadata_path};
 pub use parquet::ParquetTable;
-pub use raw::export_raw;
+pub use raw::{ExportedSamples, export_raw};
 pub use table::{Head, Kind, Origin, TableKind, Value, health_row, raw_heads};
 
 /// Why there is no table.
@@ -51,6 +51,9 @@ pub enum ExportError {
     /// A log that cannot be read at all.
     #[error(transparent)]
     Ingest(#[from] IngestError),
+    /// Files that have no row and could not have any: damaged, of another program, frames alone.
+    #[error(transparent)]
+    NoWindows(NoWindows),
     /// The names of columns as JSON.
     #[error(transparent)]
     Json(#[from] serde_json::Error),
@@ -71,7 +74,7 @@ pub trait Table {
     fn finish(self: Box<Self>, sources: &Sources) -> Result<(), ExportError>;
 }
 
-/// A table that is begun with its first row, so that an export of nothing leaves no file, and none that was there is lost.
+/// A table that is begun with its first row or its end, so that a refused export leaves no file, and none that was there is lost.
 pub struct Late<F> {
     begin: Option<F>,
     table: Option<Box<dyn Table>>,
@@ -85,17 +88,23 @@ impl<F: FnOnce() -> Result<Box<dyn Table>, ExportError>> Late<F> {
             table: None,
         }
     }
+
+    fn begin(&mut self) -> Result<(), ExportError> {
+        if let Some(begin) = self.begin.take() {
+            self.table = Some(begin()?);
+        }
+        Ok(())
+    }
 }
 
 impl<F: FnOnce() -> Result<Box<dyn Table>, ExportError>> Table for Late<F> {
     fn row(&mut self, row: Vec<Value>) -> Result<(), ExportError> {
-        if let Some(begin) = self.begin.take() {
-            self.table = Some(begin()?);
-        }
+        self.begin()?;
         self.table.as_mut().map_or(Ok(()), |table| table.row(row))
     }
 
-    fn finish(self: Box<Self>, sources: &Sources) -> Result<(), ExportError> {
+    fn finish(mut self: Box<Self>, sources: &Sources) -> Result<(), ExportError> {
+        self.begin()?;
         self.table.map_or(Ok(()), |table| table.finish(sources))
     }
 }
@@ -112,10 +121,11 @@ pub struct Exported {
     pub damaged: bool,
 }
 
-/// Reads files in the order of time into a table; `report` gets what is damaged, each with its place.
+/// Reads files in the order of time into a table; `tell` gets what is damaged, each with its place. Whole recordings in which no actuation
+/// was recorded make a table without rows.
 ///
 /// # Errors
-/// A file that cannot be read, a record that is none, a row that cannot be written.
+/// A file that cannot be read, a record that is none, a row that cannot be written; no row for another reason than that.
 pub fn export<P: AsRef<Path>>(
     paths: &[P],
     kind: TableKind,
@@ -123,6 +133,7 @@ pub fn export<P: AsRef<Path>>(
     tell: &mut dyn FnMut(&McapLoss),
 ) -> Result<Exported, ExportError> {
     let (mut exported, mut sources) = (Exported::default(), Sources::new());
+    let mut nothing = NoWindows::default();
     for (path, file) in paths.iter().zip(distinct_names(paths)) {
         let name = path.as_ref().display().to_string();
         let io = |source| ExportError::Io {
@@ -184,6 +195,10 @@ pub fn export<P: AsRef<Path>>(
             None
         });
         sources.insert(file, metadata.cloned().unwrap_or_default());
+        nothing.note(&messages);
+    }
+    if exported.rows == 0 && !nothing.is_without_actuation() {
+        return Err(ExportError::NoWindows(nothing));
     }
     table.finish(&sources)?;
     Ok(exported)

@@ -8,6 +8,7 @@ mod chunk;
 mod fault;
 mod limits;
 pub(crate) mod messages;
+mod no_windows;
 mod records;
 mod resync_reader;
 mod summary;
@@ -15,6 +16,7 @@ mod tail;
 
 pub use fault::{McapFault, McapLoss};
 pub use messages::{McapMessage, McapMessages};
+pub use no_windows::NoWindows;
 pub use tail::{McapTail, TailError};
 
 use crate::regular_file::open_regular;

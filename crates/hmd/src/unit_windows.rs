@@ -1,5 +1,6 @@
 //! Windows of one unit out of logs, and what was lost in the logs.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -22,6 +23,14 @@ pub enum WindowsError {
     #[error("expected the windows of one actuator, found {found}; choose one with --name")]
     Several {
         /// Their names.
+        found: String,
+    },
+    /// No unit of the name asked for.
+    #[error("--name: expected one of {known}, found {found:?}")]
+    Name {
+        /// The units of which the logs have windows.
+        known: String,
+        /// What was asked for.
         found: String,
     },
 }
@@ -50,6 +59,14 @@ pub fn windows_of(
 ) -> Result<UnitWindows, WindowsError> {
     let mut names = BusNames::new();
     let mut found = UnitWindows::default();
+    // What all logs of a unit have, as another sampling rate than its type, is said once.
+    let mut notices_told = BTreeSet::new();
+    let mut tell_once = |notice: String, report: &mut dyn FnMut(&str)| {
+        if !notices_told.contains(&notice) {
+            report(&notice);
+            notices_told.insert(notice);
+        }
+    };
     for log in logs {
         let mut source = open_mapped(log, names, config)?;
         // Each log is a recording of its own: nothing is carried over.
@@ -67,7 +84,7 @@ pub fn windows_of(
                 }
             }
             for notice in pipeline.take_notices() {
-                report(&notice.message);
+                tell_once(notice.message, report);
             }
         }
         if losses > LOSSES_TOLD {
@@ -83,7 +100,7 @@ pub fn windows_of(
         }
         pipeline.finish();
         for notice in pipeline.take_notices() {
-            report(&notice.message);
+            tell_once(notice.message, report);
         }
         found.jobs.extend(pipeline.take_windows());
         names = source.into_bus_names();
@@ -100,8 +117,16 @@ pub fn windows_of(
             report(&format!("{}: {lost}", log.display()));
         }
     }
-    let is_meant = |job: &WindowJob| name.is_none_or(|name| job.actuator.name == name);
-    found.jobs.retain(is_meant);
+    if let Some(name) = name {
+        let known: BTreeSet<&str> = found.jobs.iter().map(|job| job.actuator.name.as_str()).collect();
+        if !known.is_empty() && !known.contains(name) {
+            return Err(WindowsError::Name {
+                known: known.into_iter().collect::<Vec<_>>().join(", "),
+                found: name.to_owned(),
+            });
+        }
+        found.jobs.retain(|job| job.actuator.name == name);
+    }
     let (fit, left_out): (Vec<_>, Vec<_>) = std::mem::take(&mut found.jobs)
         .into_iter()
         .partition(|job| job.window.quality.is_fit());

@@ -1,20 +1,22 @@
 """What the functions take, checked before the compiled half sees it, by the names that Python code gives it."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta
 from os import PathLike, fspath
 
 from ._hmd import UsageError
 
 Path = str | PathLike[str]
-Paths = Path | Sequence[Path]
+Paths = Path | Iterable[Path]
 
 THREADS_MAX = 1024
 
 
-def checked_paths(name: str, paths: Paths) -> list[str]:
-    """One path or several, as texts."""
+def checked_paths(name: str, paths: Paths, *, in_order: bool = True) -> list[str]:
+    """One path or several, as texts; a set has no order, and is refused where the order matters."""
+    if in_order and isinstance(paths, set | frozenset):
+        raise UsageError(f"{name}: expected paths in the order of time, found a {type(paths).__name__}")
     several = [paths] if isinstance(paths, str | bytes | PathLike) else list(paths)
     if not several:
         raise UsageError(f"{name}: expected a file or folder, found none")

@@ -4,7 +4,7 @@ import json
 import warnings
 from collections import Counter
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 from . import _hmd
 from ._arguments import (
@@ -64,7 +64,11 @@ class Judged:
     def __iter__(self) -> Iterator[dict[str, Any]]:
         return map(json.loads, self._lines)
 
-    def __getitem__(self, place: int) -> dict[str, Any]:
+    @overload
+    def __getitem__(self, place: int) -> dict[str, Any]: ...
+    @overload
+    def __getitem__(self, place: slice) -> list[dict[str, Any]]: ...
+    def __getitem__(self, place: int | slice) -> dict[str, Any] | list[dict[str, Any]]:
         return self.windows[place]
 
     def __repr__(self) -> str:
@@ -109,8 +113,8 @@ def replay(
 ) -> Judged:
     """Assesses logs in the order of time, as `hmd replay LOG… -c CONFIG --seed SEED -o OUTPUT` does.
 
-    `logs` are files or folders of them. The result does not depend on `threads` (all cores without it). Other Python
-    threads go on meanwhile.
+    `logs` are files or folders of them, in the order of time. The result does not depend on `threads` (all cores
+    without it). Other Python threads go on meanwhile.
 
     Raises `ConfigError` for a bad configuration, `Error` for a log that cannot be read at all or holds no actuator.
     Warns with `DataLossWarning` where data were lost; then `loss` says what.

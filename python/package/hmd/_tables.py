@@ -11,6 +11,10 @@ if TYPE_CHECKING:
     import pyarrow
 
 
+PLACES = 20
+"""Places of a loss that a warning names one by one."""
+
+
 class DataLossWarning(UserWarning):
     """Parts of a file could not be read and were passed over; the rest is there."""
 
@@ -29,11 +33,12 @@ def read_records(files: Paths, table: Literal["health", "samples"] = "health") -
     `health` has a row for each window: status, health, faults, k1 to k8 with sigmas, damage, remaining life. `samples`
     has a row for each stored sample of each window: setpoint, measured and fitted current, speed and position.
 
-    Raises `Error` for a file that is none of ours. Warns with `DataLossWarning` where parts of a file are damaged.
+    A recording in which no actuation was recorded is a table without rows. Raises `Error` for a file that has none for
+    another reason: not ours, damaged, or frames alone. Warns with `DataLossWarning` where parts of a file are damaged.
     """
-    names = checked_paths("files", files)
-    rows, damaged = _hmd.read_records(names, table)
-    return _warned(rows, damaged, names)
+    names = checked_paths("files", files, in_order=False)
+    rows, lost = _hmd.read_records(names, table)
+    return _warned(rows, lost)
 
 
 @refusing
@@ -46,11 +51,14 @@ def read_raw(logs: Paths, *, config: Path | None = None) -> "pyarrow.Table":
     Raises `Error` for what is no log. Warns with `DataLossWarning` where parts of it cannot be read.
     """
     names = checked_paths("logs", logs)
-    rows, damaged = _hmd.read_raw(names, optional_path("config", config))
-    return _warned(rows, damaged, names)
+    rows, lost = _hmd.read_raw(names, optional_path("config", config))
+    return _warned(rows, lost)
 
 
-def _warned(rows: _hmd.ArrowTable, damaged: bool, files: list[str]) -> "pyarrow.Table":
-    if damaged:
-        warnings.warn(f"{', '.join(files)}: parts could not be read", DataLossWarning, stacklevel=4)
+def _warned(rows: _hmd.ArrowTable, lost: list[str]) -> "pyarrow.Table":
+    if len(lost) > PLACES + 1:
+        # The last one says how much it is in all.
+        lost = [*lost[:PLACES], f"{len(lost) - 1 - PLACES} more", lost[-1]]
+    if lost:
+        warnings.warn("; ".join(lost), DataLossWarning, stacklevel=4)
     return to_pyarrow(rows)

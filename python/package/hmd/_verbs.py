@@ -31,6 +31,7 @@ def simulate(
     effects: Mapping[str, float] | None = None,
     drive: Literal["hysteresis", "vector"] | None = None,
     profile: Literal["step", "ramp", "chirp", "mixed"] = "mixed",
+    mode: Literal["position", "speed"] = "position",
     windows: int = 1,
     start: datetime | None = None,
     rate_hz: float | None = None,
@@ -38,6 +39,8 @@ def simulate(
     load_nm: float = 0.0,
     actuator: str = "bench",
     id: int = 0,
+    preset: Literal["cia402", "odrive", "moteus", "vesc", "damiao"] | None = None,
+    output_encoder: bool = False,
     config: Path | None = None,
     seed: int = 1,
 ) -> None:
@@ -46,13 +49,15 @@ def simulate(
     `k` is the whole fault vector; `faults` sets single ones by name (`hmd.FAULT_PARAMETERS`). Without `rate_hz` it is
     the type's; `noise_a` is the current noise, A rms, `load_nm` a constant load at the output. `effects` are those of
     a real actuator by name, as `hmd simulate --list-effects` has them; `start` is when the log begins, with its time
-    zone.
+    zone. `mode` is what the profile commands: the output angle or the motor speed. With `preset` the frames are those
+    of a drive as it is sold, of node `id`, where `output_encoder` sends a second encoder at the output too.
 
     Raises `UsageError` with the command's own sentence, `Error` for a file that cannot be written.
     """
     options = [
         f"--output={checked_path('log', log)}",
         f"--profile={profile}",
+        f"--mode={mode}",
         f"--windows={windows}",
         f"--noise={checked_number('noise_a', noise_a)!r}",
     ]
@@ -66,7 +71,10 @@ def simulate(
         options.append("--k=" + ",".join(repr(checked_number("k", value)) for value in k))
     options += [f"--fault={name}={checked_number(name, value)!r}" for name, value in (faults or {}).items()]
     options += [f"--with={name}={checked_number(name, value)!r}" for name, value in (effects or {}).items()]
-    options += _given(rate=None if rate_hz is None else checked_rate(rate_hz), config=config, drive=drive)
+    rate = None if rate_hz is None else checked_rate(rate_hz)
+    options += _given(rate=rate, config=config, drive=drive, preset=preset)
+    if output_encoder:
+        options.append("--output-encoder")
     if start is not None:
         options.append(f"--start={checked_start(start)}")
     _run("simulate", options)
@@ -136,7 +144,8 @@ def report(
 def export(files: Paths, output: Path, *, table: Literal["health", "samples"] = "health") -> None:
     """Writes what `hmd` recorded as a table, `.csv` or `.parquet`: `hmd export`; `read_records` gives the same.
 
-    Raises `Error` for a file that is no recording. Warns with `DataLossWarning` where one is damaged.
+    Raises `Error` for a file that is no recording, is damaged and has no row, or has frames alone. Warns with
+    `DataLossWarning` where one is damaged.
     """
     options = [f"--output={checked_path('output', output)}", f"--table={table}"]
     _run("export", options, checked_paths("files", files))

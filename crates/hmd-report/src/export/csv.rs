@@ -43,7 +43,7 @@ impl Table for CsvTable {
             Value::Time(n) | Value::Count(n) => n.to_string(),
             Value::Signed(n) => n.to_string(),
             Value::Text(text) => no_formula(&text).into_owned(),
-            Value::Flag(flag) => flag.to_string(),
+            Value::Flag(flag) => flag.map_or_else(String::new, |flag| flag.to_string()),
             Value::Number(number) => number.map_or_else(String::new, number_cell),
         });
         let written = self.writer.write_record(cells);

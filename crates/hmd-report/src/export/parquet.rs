@@ -124,7 +124,7 @@ fn field(head: &Head) -> Result<Type, ParquetError> {
         Kind::Flag => (Physical::BOOLEAN, None),
         Kind::Number => (Physical::DOUBLE, None),
     };
-    let repetition = if head.kind == Kind::Number {
+    let repetition = if head.kind.may_be_absent() {
         Repetition::OPTIONAL
     } else {
         Repetition::REQUIRED
@@ -154,15 +154,12 @@ fn write_column(column: &mut SerializedColumnWriter<'_>, kind: Kind, values: Vec
             column.typed::<ByteArrayType>().write_batch(&values, None, None)?;
         }
         Kind::Flag => {
-            let flag = |value| {
-                if let Value::Flag(flag) = value {
-                    Some(flag)
-                } else {
-                    None
-                }
+            let flag = |value: &Value| {
+                if let Value::Flag(flag) = value { *flag } else { None }
             };
-            let values: Vec<bool> = values.into_iter().filter_map(flag).collect();
-            column.typed::<BoolType>().write_batch(&values, None, None)?;
+            let present: Vec<i16> = values.iter().map(|value| i16::from(flag(value).is_some())).collect();
+            let values: Vec<bool> = values.iter().filter_map(flag).collect();
+            column.typed::<BoolType>().write_batch(&values, Some(&present), None)?;
         }
         Kind::Number => {
             let number = |value: &Value| {

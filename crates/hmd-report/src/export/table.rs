@@ -26,8 +26,8 @@ pub enum Value {
     Signed(i64),
     /// Text.
     Text(String),
-    /// Yes or no.
-    Flag(bool),
+    /// Yes or no, or neither.
+    Flag(Option<bool>),
     /// A number, or none.
     Number(Option<f64>),
 }
@@ -47,6 +47,14 @@ pub enum Kind {
     Flag,
     /// [`Value::Number`].
     Number,
+}
+
+impl Kind {
+    /// Whether a cell of the column may be empty.
+    #[must_use]
+    pub fn may_be_absent(self) -> bool {
+        matches!(self, Self::Flag | Self::Number)
+    }
 }
 
 /// Head of a column.
@@ -140,14 +148,14 @@ columns! {
     "k6_sigma" "1" Number(health.k6_sigma);
     "k7_sigma" "1" Number(health.k7_sigma);
     "k8_sigma" "1" Number(health.k8_sigma);
-    "k1_observable" "" Value::Flag(health.k1_observable);
-    "k2_observable" "" Value::Flag(health.k2_observable);
-    "k3_observable" "" Value::Flag(health.k3_observable);
-    "k4_observable" "" Value::Flag(health.k4_observable);
-    "k5_observable" "" Value::Flag(health.k5_observable);
-    "k6_observable" "" Value::Flag(health.k6_observable);
-    "k7_observable" "" Value::Flag(health.k7_observable);
-    "k8_observable" "" Value::Flag(health.k8_observable);
+    "k1_observable" "" Value::Flag(health.k1.map(|_| health.k1_observable));
+    "k2_observable" "" Value::Flag(health.k2.map(|_| health.k2_observable));
+    "k3_observable" "" Value::Flag(health.k3.map(|_| health.k3_observable));
+    "k4_observable" "" Value::Flag(health.k4.map(|_| health.k4_observable));
+    "k5_observable" "" Value::Flag(health.k5.map(|_| health.k5_observable));
+    "k6_observable" "" Value::Flag(health.k6.map(|_| health.k6_observable));
+    "k7_observable" "" Value::Flag(health.k7.map(|_| health.k7_observable));
+    "k8_observable" "" Value::Flag(health.k8.map(|_| health.k8_observable));
     "damage_friction" "1" Number(health.damage_friction);
     "damage_backlash" "1" Number(health.damage_backlash);
     "damage_short_a" "1" Number(health.damage_short_a);

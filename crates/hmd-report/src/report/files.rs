@@ -12,7 +12,7 @@ use hmd_core::config::Config;
 use hmd_core::history::{Event, EventKind, Events};
 use hmd_core::record::{Health, Log, Record, Rul, Sensors, Status, Window};
 use hmd_ingest::file::open_recorded;
-use hmd_storage::mcap::{McapLoss, McapMessages};
+use hmd_storage::mcap::{McapLoss, McapMessages, NoWindows};
 use hmd_storage::mcap_writer::METADATA_NAME;
 
 /// Why there is no report.
@@ -35,13 +35,8 @@ pub enum ReportError {
         source: prost::DecodeError,
     },
     /// Files without records of windows.
-    #[error(
-        "{files}: expected records of windows, found none: no actuation was recorded, or frames alone, of which hmd replay LOG -o OUT.mcap makes records"
-    )]
-    Empty {
-        /// The files.
-        files: String,
-    },
+    #[error(transparent)]
+    Empty(NoWindows),
     /// No such actuator.
     #[error("--actuator: expected one of {known}, found {found:?}")]
     Actuator {
@@ -74,6 +69,8 @@ pub struct Files {
     pub sources: Vec<Source>,
     /// UTC ns and text.
     pub events: Vec<(u64, String)>,
+    /// Why there is no window, where there is none.
+    pub(super) nothing: NoWindows,
 }
 
 impl Files {
@@ -132,6 +129,7 @@ impl Files {
                     _ => {}
                 }
             }
+            files.nothing.note(&messages);
             match messages.verified_metadata(METADATA_NAME) {
                 Ok(metadata) => source.metadata = metadata.cloned().unwrap_or_default(),
                 Err(loss) => {
@@ -205,10 +203,7 @@ impl Files {
     /// None, or none of this name.
     pub fn actuators(&self, name: Option<&str>) -> Result<Vec<&History>, ReportError> {
         if self.actuators.is_empty() {
-            let files: Vec<&str> = self.sources.iter().map(|source| source.file.as_str()).collect();
-            return Err(ReportError::Empty {
-                files: files.join(", "),
-            });
+            return Err(ReportError::Empty(self.nothing.clone()));
         }
         let Some(name) = name else {
             return Ok(self.actuators.values().collect());

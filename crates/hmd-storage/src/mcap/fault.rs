@@ -33,6 +33,12 @@ impl McapLoss {
 /// What is wrong in an MCAP file.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum McapFault {
+    /// The file has no bytes.
+    #[error("expected an MCAP file, found an empty file")]
+    Empty,
+    /// The file does not begin as an MCAP file does: another kind of file, or its start is damaged.
+    #[error("expected the start of an MCAP file, found \"{0}\"")]
+    Start(String),
     /// The file ends too early: it was cut, or its writer was killed.
     #[error("expected a record, found the end of the file: it was cut or never finished")]
     Truncated,

@@ -70,7 +70,7 @@ pub struct McapMessages<R> {
     chunks: u64,
     attachments: u64,
     all_verified: bool,
-    any_loss: bool,
+    first_loss: Option<McapLoss>,
 }
 
 /// A chunk that is being read.
@@ -138,7 +138,7 @@ impl<R: Read + Seek> McapMessages<R> {
             chunks: 0,
             attachments: 0,
             all_verified: false,
-            any_loss: false,
+            first_loss: None,
         }
     }
 
@@ -209,6 +209,11 @@ impl<R: Read + Seek> McapMessages<R> {
         &self.metadata
     }
 
+    /// The first part that could not be read so far.
+    pub fn first_loss(&self) -> Option<&McapLoss> {
+        self.first_loss.as_ref()
+    }
+
     /// Intact chunks so far.
     pub fn chunks(&self) -> u64 {
         self.chunks
@@ -256,7 +261,7 @@ impl<R: Read + Seek> McapMessages<R> {
             ItemKind::AllVerified => self.all_verified = true,
             ItemKind::Attachment => self.attachments += 1,
             // After a damaged chunk the sum over all data is wrong as well: nothing new.
-            ItemKind::Fault(McapFault::DataCrc { .. }) if self.any_loss => {}
+            ItemKind::Fault(McapFault::DataCrc { .. }) if self.first_loss.is_some() => {}
             ItemKind::Fault(fault) => self.lose(at_byte, fault),
         }
     }
@@ -338,12 +343,13 @@ impl<R: Read + Seek> McapMessages<R> {
     }
 
     fn lose(&mut self, at_byte: u64, fault: McapFault) {
-        self.loss = Some(McapLoss {
+        let loss = McapLoss {
             file: self.file.clone(),
             at_byte,
             fault,
-        });
-        self.any_loss = true;
+        };
+        self.first_loss.get_or_insert_with(|| loss.clone());
+        self.loss = Some(loss);
     }
 }
 

@@ -15,6 +15,7 @@ use super::chunk::{Content, verify};
 use super::fault::McapFault;
 use super::limits::{EXPANSION_MAX, METADATA_BYTES_MAX, RECORD_BYTES_MAX};
 use super::records;
+use crate::quoted;
 use crc32fast::Hasher;
 use hmd_core::metadata_checksum::is_sealed;
 use mcap::records::op;
@@ -235,16 +236,21 @@ impl<R: Read + Seek> ResyncReader<R> {
         let mut magic = [0; mcap::MAGIC.len()];
         let got = read_up_to(&mut self.input, &mut magic)?;
         self.at = got as u64;
+        let start = &magic[..got];
         if got < magic.len() {
             self.ended = true;
-            return Ok(Some(fault(0, McapFault::Truncated)));
+            let found = match start {
+                [] => McapFault::Empty,
+                start if mcap::MAGIC.starts_with(start) => McapFault::Truncated,
+                start => McapFault::Start(quoted(start)),
+            };
+            return Ok(Some(fault(0, found)));
         }
         if magic != mcap::MAGIC {
             self.at = 1;
             self.searching = true;
             self.sum = None;
-            let found = McapFault::Broken("another start of the file".to_owned());
-            return Ok(Some(fault(0, found)));
+            return Ok(Some(fault(0, McapFault::Start(quoted(start)))));
         }
         self.add(&magic);
         Ok(None)

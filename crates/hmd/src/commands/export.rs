@@ -27,7 +27,7 @@ pub struct Args {
 /// Runs the verb.
 ///
 /// # Errors
-/// A file that is none of ours or has nothing for the table, an output that cannot be written.
+/// A file that is none of ours, is damaged and has no row, or has frames alone; an output that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
     run_with(args, &mut to_stderr)
 }
@@ -62,11 +62,7 @@ pub fn run_with(args: &Args, tell: &mut dyn FnMut(&str)) -> anyhow::Result<Exit>
     let mut losses = Losses::default();
     let exported = export(&recorded, args.table, table, &mut |loss| losses.add(loss))?;
     if exported.rows == 0 {
-        let files: Vec<String> = recorded.iter().map(|file| file.display().to_string()).collect();
-        anyhow::bail!(
-            "{}: expected records of windows, found none: no actuation was recorded, or frames alone, of which hmd replay LOG -o OUT.mcap makes records",
-            files.join(", ")
-        );
+        tell("a table without rows: no actuation was recorded");
     }
     Ok(losses.exit(tell))
 }

@@ -9,7 +9,7 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::PathBuf;
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use prost::Message;
 use serde::Serialize;
 
@@ -25,7 +25,7 @@ use hmd_core::record::{Health, Interval, Log, Record, Rul};
 use hmd_ingest::file::open_recorded;
 use hmd_storage::clock::now_ns;
 use hmd_storage::event_file::load_events;
-use hmd_storage::mcap::McapMessages;
+use hmd_storage::mcap::{McapMessages, NoWindows};
 use hmd_storage::mcap_writer::METADATA_NAME;
 use hmd_storage::{no_formula, number_cell, printable};
 
@@ -139,21 +139,19 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         serials: BTreeMap::new(),
     };
     let mut losses = Losses::default();
-    let mut windows = 0;
+    let (mut windows, mut nothing) = (0, NoWindows::default());
     let files = recordings(&args.files, Wanted::Records)?;
     for path in &files {
         let name = path.display().to_string();
         let file = open_recorded(path).with_context(|| name.clone())?;
-        let messages = McapMessages::of_recording(BufReader::new(file), &name).with_context(|| name.clone())?;
-        windows += printer.print(messages, &mut losses).with_context(|| name.clone())?;
+        let mut messages = McapMessages::of_recording(BufReader::new(file), &name).with_context(|| name.clone())?;
+        windows += printer
+            .print(&mut messages, &mut losses)
+            .with_context(|| name.clone())?;
+        nothing.note(&messages);
     }
     if windows == 0 {
-        let names: Vec<String> = files.iter().map(|path| path.display().to_string()).collect();
-        bail!(
-            "{}: expected records of windows, found none: no actuation was recorded, or frames alone, of which \
-             hmd replay LOG -o OUT.mcap makes records",
-            names.join(", ")
-        );
+        return Err(nothing.into());
     }
     let config = load_config(args.config.as_deref())?;
     for line in printer.summary_lines(&load_events(&config)?, &config, now_ns()) {
@@ -164,7 +162,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
 
 impl Printer {
     /// Prints a file; how many windows it has.
-    fn print(&mut self, mut messages: McapMessages<BufReader<File>>, losses: &mut Losses) -> anyhow::Result<u64> {
+    fn print(&mut self, messages: &mut McapMessages<BufReader<File>>, losses: &mut Losses) -> anyhow::Result<u64> {
         let mut windows = 0;
         let file = messages.file().clone();
         // The health of each actuator's newest window, until its remaining life comes.

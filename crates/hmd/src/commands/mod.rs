@@ -56,7 +56,6 @@ use hmd_core::counted::counted;
 use hmd_storage::calibration_file::{load_learnt, load_type_model, load_unit};
 use hmd_storage::config_file;
 use hmd_storage::event_file::{EventError, load_events};
-use hmd_storage::mcap::McapLoss;
 use hmd_storage::printable;
 use hmd_storage::recover::LISTED_MAX;
 
@@ -226,31 +225,37 @@ fn use_threads(threads: Option<usize>) -> anyhow::Result<()> {
 
 /// Damaged places of the files that a verb reads, for the end: a file that is none of ours is refused in one sentence instead.
 #[derive(Debug, Default)]
-struct Losses {
-    listed: Vec<McapLoss>,
+pub struct Losses {
+    listed: Vec<String>,
     total: u64,
 }
 
 impl Losses {
-    fn add(&mut self, loss: &McapLoss) {
+    /// Adds one, which says its place.
+    pub fn add(&mut self, loss: &dyn std::fmt::Display) {
         self.total += 1;
         if self.listed.len() < LISTED_MAX {
-            self.listed.push(loss.clone());
+            self.listed.push(loss.to_string());
         }
     }
 
-    /// Tells what was lost, each with its place; returns how the verb ends.
-    fn exit(&self, tell: &mut dyn FnMut(&str)) -> Exit {
-        if self.total == 0 {
-            return Exit::Done;
-        }
+    /// Tells what was lost, each with its place.
+    pub fn list(&self, tell: &mut dyn FnMut(&str)) {
         for loss in &self.listed {
-            tell(&loss.to_string());
+            tell(loss);
         }
         let more = self.total - self.listed.len() as u64;
         if more > 0 {
             tell(&counted(more, "more damaged place", "more damaged places"));
         }
+    }
+
+    /// The same, and how many there are; returns how the verb ends.
+    pub fn exit(&self, tell: &mut dyn FnMut(&str)) -> Exit {
+        if self.total == 0 {
+            return Exit::Done;
+        }
+        self.list(tell);
         let places = counted(self.total, "damaged place", "damaged places");
         tell(&format!("data lost: {places} in the files read"));
         Exit::DataLost

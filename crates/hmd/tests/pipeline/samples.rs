@@ -93,9 +93,15 @@ fn a_log_is_a_table_of_samples() {
     }
     std::fs::write(&log, &text).unwrap();
     let rows = Rows::default();
-    let exported = export_raw(&[&log], Arc::new(Config::default()), Box::new(rows.clone())).unwrap();
+    let export = |table| {
+        let mut told = Vec::new();
+        let config = Arc::new(Config::default());
+        let exported = export_raw(&[&log], config, table, &mut |loss| told.push(loss.to_string())).unwrap();
+        (exported, told)
+    };
+    let (exported, told) = export(Box::new(rows.clone()));
     let rows = rows.0.lock().unwrap();
-    assert_eq!((exported.rows, exported.damaged), (rows.len() as u64, false));
+    assert_eq!((exported.rows, exported.lost, told.len()), (rows.len() as u64, None, 0));
     assert_eq!(rows.len(), scenario().run().count());
     let place = |name: &str| raw_heads().iter().position(|head| head.name == name).unwrap();
     assert_eq!(rows[0][place("t_ns")], Value::Time(EPOCH_NS));
@@ -104,6 +110,9 @@ fn a_log_is_a_table_of_samples() {
 
     text.extend(b"no frame\n");
     std::fs::write(&log, text).unwrap();
-    let damaged = export_raw(&[&log], Arc::new(Config::default()), Box::new(Rows::default())).unwrap();
-    assert_eq!((damaged.rows, damaged.damaged), (exported.rows, true));
+    let (damaged, told) = export(Box::new(Rows::default()));
+    assert_eq!(damaged.rows, exported.rows);
+    assert_eq!(damaged.lost.as_deref(), Some("data lost: 1 unreadable line or frame"));
+    let [place] = &told[..] else { panic!("{told:?}") };
+    assert!(place.contains("a.log:") && place.contains("found \"no\""), "{place}");
 }

@@ -163,6 +163,133 @@ fn both_forms_hold_what_was_recorded() {
     }
 }
 
+/// Each verb that reads records says why a file has none: its own damage, another kind of file, or frames that nothing has assessed.
+#[test]
+fn a_file_without_records_says_why() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, content: &[u8]| fs::write(folder.path().join(name), content).expect("a file");
+    done(&folder, "simulate -o frames.mcap --rate 400 --seed 3");
+    done(&folder, "replay frames.mcap -o whole.mcap");
+    let whole = fs::read(folder.path().join("whole.mcap")).expect("a file");
+    // Frames come before the first record.
+    write("cut.mcap", &whole[..8_000]);
+    write("stump.mcap", &whole[..5]);
+    write("empty.mcap", b"");
+    write("text.mcap", b"hello\nworld\n");
+    write("table.mcap", b"t,i_a\n0.0,1.5\n");
+    write(
+        "random.mcap",
+        &whole[4_000..9_000].iter().map(|byte| byte ^ 0x5a).collect::<Vec<_>>(),
+    );
+    let options = mcap::WriteOptions::new().library("other/1.0");
+    let mut foreign = options.create(std::io::Cursor::new(Vec::new())).expect("a writer");
+    foreign.finish().expect("a file");
+    write("foreign.mcap", foreign.into_inner().get_ref());
+    let cut = "found the end of the file: it was cut or never finished";
+    let cases = [
+        ("cut", cut.to_owned()),
+        ("stump", format!("at byte 0: expected a record, {cut}")),
+        (
+            "empty",
+            "at byte 0: expected an MCAP file, found an empty file".to_owned(),
+        ),
+        (
+            "text",
+            "at byte 0: expected the start of an MCAP file, found \"hello\\nwo\"".to_owned(),
+        ),
+        (
+            "table",
+            "at byte 0: expected the start of an MCAP file, found \"t,i_a\\n0.\"".to_owned(),
+        ),
+        (
+            "random",
+            "at byte 0: expected the start of an MCAP file, found \"".to_owned(),
+        ),
+        ("foreign", "it is a file of another program".to_owned()),
+        (
+            "frames",
+            "it has frames alone, of which hmd replay LOG -o OUT.mcap makes records".to_owned(),
+        ),
+    ];
+    for (name, why) in &cases {
+        for verb in [
+            "inspect F",
+            "export F -o out.csv",
+            "export F -o out.parquet",
+            "report F -o out.html",
+        ] {
+            let line = verb.replace('F', &format!("{name}.mcap"));
+            let (code, _, stderr) = code_of(&folder, &line);
+            assert_eq!(code, Some(1), "{line}: {stderr}");
+            let found = format!("{name}.mcap: expected records of windows, found none: ");
+            assert!(stderr.contains(&found) && stderr.contains(why), "{line}: {stderr}");
+            assert!(!stderr.contains("no actuation"), "{line}: {stderr}");
+        }
+    }
+    for output in ["out.csv", "out.parquet", "out.html"] {
+        assert!(!folder.path().join(output).exists(), "{output}");
+    }
+}
+
+#[test]
+fn a_recording_without_an_actuation_is_a_table_without_rows() {
+    let folder = tempfile::tempdir().expect("a folder");
+    done(&folder, "simulate -o worn.log --rate 400 --seed 3");
+    let log = fs::read_to_string(folder.path().join("worn.log")).expect("a log");
+    let idle: Vec<&str> = log.lines().take(400).collect();
+    fs::write(folder.path().join("idle.log"), idle.join("\n") + "\n").expect("a file");
+    for name in ["worn", "idle"] {
+        let (code, _, stderr) = code_of(&folder, &format!("replay {name}.log -o {name}.mcap"));
+        assert_eq!(code, Some(0), "{stderr}");
+    }
+    for kind in ["health", "samples"] {
+        let export = |name: &str, extension: &str| {
+            let line = format!("export {name}.mcap -o {name}.{extension} --table {kind}");
+            let (code, _, stderr) = code_of(&folder, &line);
+            assert_eq!(code, Some(0), "{line}: {stderr}");
+            stderr
+        };
+        assert_eq!(export("worn", "csv"), "");
+        assert!(export("idle", "csv").contains("a table without rows: no actuation was recorded"));
+        export("idle", "parquet");
+        let ((head, rows), (wanted, _)) = (csv(&folder, "idle.csv"), csv(&folder, "worn.csv"));
+        assert_eq!((head, rows.len()), (wanted.clone(), 0));
+        let (head, rows, _) = parquet(&folder, "idle.parquet");
+        assert_eq!((head, rows.len()), (wanted, 0));
+    }
+    let (code, _, stderr) = code_of(&folder, "inspect idle.mcap");
+    assert_eq!(code, Some(1), "{stderr}");
+    assert!(stderr.contains("found none: no actuation was recorded"), "{stderr}");
+}
+
+/// Whether a window can show a parameter is known of no window that was not assessed.
+#[test]
+fn a_window_without_an_estimate_has_no_observable_in_any_form() {
+    let folder = tempfile::tempdir().expect("a folder");
+    done(&folder, "simulate -o worn.log --rate 400 --seed 3");
+    let log = fs::read_to_string(folder.path().join("worn.log")).expect("a log");
+    // A gap in the actuation.
+    let lines: Vec<&str> = log.lines().collect();
+    let (before, after) = (lines.len() / 2, lines.len() / 2 + 200);
+    let torn = [&lines[..before], &lines[after..]].concat().join("\n") + "\n";
+    fs::write(folder.path().join("torn.log"), torn).expect("a file");
+    let (_, json, _) = code_of(&folder, "replay torn.log --json -o torn.mcap");
+    let window: serde_json::Value = serde_json::from_str(json.lines().next().expect("a window")).expect("JSON");
+    assert_eq!(window["status"], "invalid", "{window}");
+    assert!(window["observable"].is_null());
+    done(&folder, "export torn.mcap -o torn.csv");
+    done(&folder, "export torn.mcap -o torn.parquet");
+    let (head, rows) = csv(&folder, "torn.csv");
+    let (_, same, _) = parquet(&folder, "torn.parquet");
+    for (n, name) in head
+        .iter()
+        .enumerate()
+        .filter(|(_, name)| name.ends_with("_observable"))
+    {
+        assert_eq!((rows[0][n].as_str(), same[0][n].as_str()), ("", ""), "{name}");
+    }
+}
+
 #[test]
 fn what_cannot_be_a_table_is_refused() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -504,3 +504,31 @@ fn windows_of_several_rates_are_refused_and_a_type_without_friction_is_not() {
     assert_eq!(ended.code, 0, "{}", ended.stderr);
     assert!(ended.stderr.contains("by the relations"), "{}", ended.stderr);
 }
+
+/// A misspelt unit is no lack of windows; and what all logs have in common is said once.
+#[test]
+fn a_unit_that_the_logs_do_not_hold_is_named_with_those_that_they_do() {
+    let folder = Folder::new();
+    for seed in 1..=3 {
+        folder.done(&format!(
+            "simulate --rate 400 --noise 0.03 --windows 2 --seed {seed} -o h{seed}.log"
+        ));
+    }
+    let said = |line: &str, code: i32| {
+        let ended = folder.hmd(line);
+        assert_eq!(ended.code, code, "hmd {line}: {}", ended.stderr);
+        assert_eq!(
+            ended.stderr.matches("expected 2000 samples/s").count(),
+            1,
+            "{}",
+            ended.stderr
+        );
+        ended.stderr
+    };
+    let refused = said("calibrate h1.log h2.log h3.log -o unit.toml --name zz", 1);
+    assert!(
+        refused.contains("--name: expected one of ema0, found \"zz\""),
+        "{refused}"
+    );
+    said("calibrate h1.log h2.log h3.log -o unit.toml --name ema0", 0);
+}

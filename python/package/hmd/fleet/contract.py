@@ -20,6 +20,9 @@ CONTRACT = 1
 LOGS = (".mcap", ".log")
 """How the names of logs end."""
 
+PLACE = "{log}"
+"""Stands for the path of the log in the message of a result."""
+
 CHUNK = 1 << 20
 """Bytes of a log that are held while it is hashed."""
 
@@ -118,6 +121,13 @@ def find_logs(folder: Path, out: Path) -> list[Path]:
     return sorted(found)
 
 
+def message_of(log: str, message: str) -> str:
+    """The message of a result, of the log of that path."""
+    # Results of earlier versions begin with another word for it.
+    message = PLACE + message.removeprefix("log") if message.startswith("log:") else message
+    return message.replace(PLACE, log)
+
+
 def hash_of(path: Path) -> str:
     """SHA-256 of a file, in hex."""
     digest = hashlib.sha256()
@@ -166,7 +176,7 @@ def _assess(log: Path, content: str, job: Job) -> str:
         raise
     except Error as error:
         # What the bytes mean does not depend on where they lie.
-        code, message = 1, str(error).replace(str(log), "log")
+        code, message = 1, str(error).replace(str(log), PLACE)
     head = {
         "contract": CONTRACT,
         "content": content,

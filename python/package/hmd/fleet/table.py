@@ -10,7 +10,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from .contract import Job, Outcome
+from .contract import Job, Outcome, message_of
 
 ROWS = 50_000
 """Rows that are held in memory."""
@@ -46,16 +46,20 @@ def _schema() -> pa.Schema:
     ]
     for unit in ("h", "cycles"):
         fields += [pa.field(f"rul_{p}_{unit}", number, metadata=_unit(unit)) for p in ("p10", "p50", "p90")]
+    fields += [pa.field("suspects", text, nullable=False)]
+    fields += [pa.field(f"state_{fault}", text, nullable=False) for fault in FAULTS]
+    fields += [pa.field("serial_number", text, nullable=False)]
     return pa.schema(fields)
 
 
 SCHEMA = _schema()
 
 
-def row(log: str, unit: str, window: dict[str, Any]) -> dict[str, Any]:
-    """A row out of a line of `hmd replay --json`."""
+def row(log: str, window: dict[str, Any], serial_numbers: dict[str, str]) -> dict[str, Any]:
+    """A row out of a line of `hmd replay --json`, of a log with these serial numbers of its actuators by name."""
     found = {name: window[name] for name in ("actuator", "window", "t_start_ns", "status", "health")}
     found |= {name: window[name] for name in ("cost", "residual_rms_a", "evaluations")}
+    unit = unit_of(log, window["actuator"], serial_numbers)
     found |= {"log": log, "unit": unit, "reason": window.get("reason", ""), "faults": ",".join(window["faults"])}
     k = window["k"] or [None] * 8
     for n in range(8):
@@ -68,24 +72,32 @@ def row(log: str, unit: str, window: dict[str, Any]) -> dict[str, Any]:
     for kind in ("h", "cycles"):
         rul = window[f"rul_{kind}"] or {}
         found |= {f"rul_{p}_{kind}": rul.get(p) for p in ("p10", "p50", "p90")}
-    return found
+    found |= {f"state_{fault}": window.get("states", {}).get(fault, "") for fault in FAULTS}
+    found |= {"suspects": ",".join(window.get("suspects", []))}
+    return found | {"serial_number": serial_number_of(window["actuator"], serial_numbers) or ""}
+
+
+def serial_number_of(actuator: str, serial_numbers: dict[str, str]) -> str | None:
+    """The serial number of an actuator, if the log holds one."""
+    if len(serial_numbers) == 1:
+        # Its writer may have called the one actuator otherwise.
+        return next(iter(serial_numbers.values()))
+    return serial_numbers.get(actuator)
 
 
 def unit_of(log: str, actuator: str, serial_numbers: dict[str, str]) -> str:
     """Whose windows these are: the serial number if the log holds one, else the log's folder, else its own name."""
-    if actuator in serial_numbers:
-        return serial_numbers[actuator]
-    if len(serial_numbers) == 1:
-        # Its writer called the one actuator otherwise.
-        return next(iter(serial_numbers.values()))
+    serial_number = serial_number_of(actuator, serial_numbers)
+    if serial_number is not None:
+        return serial_number
     place = Path(log)
     owner = place.parent if place.parent.name else place.with_suffix("")
     return f"{owner.as_posix()}/{actuator}"
 
 
 def inputs_of(job: Job, outcomes: Iterable[Outcome]) -> str:
-    """Hash of what a table is made of: which log has which result."""
-    digest = hashlib.sha256(job.identity.encode())
+    """Hash of what a table is made of: its columns, and which log has which result."""
+    digest = hashlib.sha256(f"{job.identity}\0{' '.join(SCHEMA.names)}\n".encode())
     for outcome in outcomes:
         digest.update(f"{outcome.log}\0{outcome.key}\0{outcome.message}\n".encode())
     return digest.hexdigest()
@@ -149,12 +161,12 @@ class Results:
             first[outcome.key] = log
             with self.job.result(outcome.key).open(encoding="utf-8") as lines:
                 head = json.loads(next(lines))
+                message = message_of(log, head["message"])
                 if head["exit"] == 1:
-                    self.bad.append({"log": log, "message": head["message"]})
+                    self.bad.append({"log": log, "message": message})
                     continue
                 if head["exit"] == 3:
-                    self.lossy.append({"log": log, "message": head["message"]})
+                    self.lossy.append({"log": log, "message": message})
                 self.assessed += 1
                 for line in lines:
-                    window = json.loads(line)
-                    yield row(log, unit_of(log, window["actuator"], head["serial_numbers"]), window)
+                    yield row(log, json.loads(line), head["serial_numbers"])

@@ -18,6 +18,7 @@ fn hmd(folder: &Path, line: &str) -> String {
 }
 
 /// The same of a run that ends with another code.
+#[allow(clippy::unwrap_used, reason = "a failed step of a test ends it")]
 fn hmd_with_code(folder: &Path, line: &str, code: i32) -> String {
     let mut command = Command::new(env!("CARGO_BIN_EXE_hmd"));
     let ended = command.args(line.split(' ')).current_dir(folder).output().unwrap();

@@ -306,7 +306,7 @@ fn of_gear(learnt: &CommissionedRelations, params: &ActuatorParams) -> Vec<Strin
     let error = learnt.load_error.unwrap_or(0.0);
     if error > gear.friction_dynamic * gear.gear_ratio {
         notes.push(format!(
-            "the load that is measured and the one that the motion needs differ by up to {error:.1} N m in these windows: later windows doubt the \
+            "the load that is measured and the one that the motion needs differ by {error:.1} N m more than chance explains: later windows doubt the \
              load sensor only beyond that"
         ));
     }

@@ -9,7 +9,7 @@ use std::vec::Vec;
 use ema_models::ActuatorParams;
 use nalgebra::{SMatrix, SVector};
 
-use super::commissioned::{Baseline, CommissionedRelations};
+use super::commissioned::{Balance, Baseline, CommissionedRelations};
 use super::compliance::Compliance;
 use super::compliance_search::find_compliance;
 use super::controller::{LawKnowledge, free_scale, gain_ratio};
@@ -131,19 +131,21 @@ pub fn commission_as<S: RecordedSample>(
     });
     let residual = Relation::ALL
         .map(|relation| HealthyResidual::of(readings.iter().map(|(_, balance)| balance.residuals[relation as usize])));
-    let loads = || {
-        windows
-            .iter()
-            .zip(&readings)
-            .map(|(window, (_, balance))| (window, balance.load))
-    };
-    let output_load = loads().map(|(window, load)| load.mean_magnitude(&window.travel()));
-    let load_errors =
-        loads().filter_map(|(window, load)| Some(libm::fabs(load.constant - window.since().measured_load?)));
+    // Motion in one direction does not tell a load from friction.
+    let told = |(window, (_, balance)): (_, &(_, Balance))| Some((window, balance.load, balance.load_sigma?));
+    let loads: Vec<(&MeasuredWindow<'_, S>, OutputLoad, f64)> =
+        windows.iter().zip(&readings).filter_map(told).collect();
+    let output_load = loads
+        .iter()
+        .map(|(window, load, _)| load.mean_magnitude(&window.travel()));
+    let load_errors = loads.iter().filter_map(|(window, load, sigma)| {
+        let difference = libm::fabs(load.constant - window.since().measured_load?);
+        Some((difference - CHANCE_SIGMAS * sigma).max(0.0))
+    });
     Ok(CommissionedRelations {
         baseline,
         residual,
-        output_load: Some(output_load.fold(0.0, f64::max)),
+        output_load: output_load.reduce(f64::max),
         load_error: load_errors.reduce(f64::max),
         ..learnt
     })
@@ -234,6 +236,9 @@ const ROUNDS: usize = LOAD_ROUNDS + 1;
 /// Residual of the narrow kernel, relative to the wide one, from which the errors are those of the angle: a kernel four times as
 /// wide leaves ½ of white errors of the torque, 1/32 of white errors of the angle.
 const ANGLE_ERRORS: f64 = 6.0;
+
+/// Standard deviations of a load that chance explains.
+const CHANCE_SIGMAS: f64 = 2.0;
 
 /// A wider kernel is taken where it brings the expected variance below this share of that of a narrower one.
 const CLEARLY_LESS: f64 = 0.5;

@@ -44,10 +44,11 @@ pub struct CommissionedRelations {
     /// hold for the motion and the delay of commissioning.
     #[cfg_attr(feature = "std", serde(default))]
     pub gain_without_delay: bool,
-    /// Largest mean load at the output of a healthy window, Nm; without it in older unit files.
+    /// Largest mean load at the output of a healthy window, Nm; without it in older unit files, and where no window tells it from friction.
     #[cfg_attr(feature = "std", serde(default, skip_serializing_if = "Option::is_none"))]
     pub output_load: Option<f64>,
-    /// Largest difference between the load that a healthy window shows and the one that is measured, Nm; without it none was measured.
+    /// Largest difference between the load that a healthy window shows and the one that is measured, less what chance explains, Nm; without it
+    /// none was measured, or no window tells a load from friction.
     #[cfg_attr(feature = "std", serde(default, skip_serializing_if = "Option::is_none"))]
     pub load_error: Option<f64>,
     /// Whether the gear may bend, though no spring explains the healthy windows clearly better than a rigid mass.
@@ -515,7 +516,7 @@ impl CommissionedRelations {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Balance {
     pub(super) load: OutputLoad,
-    load_sigma: Option<f64>,
+    pub(super) load_sigma: Option<f64>,
     /// Residual of each relation, in the order of [`Relation::ALL`].
     pub(super) residuals: [Residual; RELATION_COUNT],
     rows: usize,

@@ -133,7 +133,8 @@ pub enum Unmodelled {
     Locked,
     /// No fault vector explains the data: the cost.
     Cost(f64),
-    /// The motor is none of its type: its back-EMF coefficient beyond what was expected, as a share.
+    /// The motor is none of its type: its back-EMF coefficient beyond what was expected, as a share. An acceleration shows its ratio to the
+    /// inertia alone.
     Magnets(f64),
 }
 
@@ -144,8 +145,9 @@ impl fmt::Display for Unmodelled {
             Self::Cost(cost) => write!(f, "no fault vector explains the data: cost {cost:.0}"),
             Self::Magnets(off) => write!(
                 f,
-                "no motor of this type: back-EMF {:+.0} % off what is expected",
-                100.0 * off
+                "no motor of this type: back-EMF {:+.0} % off what is expected, or inertia {:+.0} %",
+                100.0 * off,
+                100.0 * (1.0 / (1.0 + off) - 1.0)
             ),
         }
     }

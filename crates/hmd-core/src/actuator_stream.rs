@@ -11,6 +11,7 @@
 //!
 //! Memory is bounded by those 64 samples and by one window. In the steady state a frame allocates nothing.
 
+mod free_zero;
 mod numbering;
 mod rate;
 mod windowing;

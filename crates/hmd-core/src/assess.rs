@@ -42,6 +42,9 @@ pub use models::{
     AssessError, Models, ReadText, TypeModel, check_serial, hash_of_parameters, hash_of_type, model_hash,
 };
 
+/// What the reason of a window says of a type without calibration, behind its name.
+pub(crate) const NOT_CALIBRATED: &str = "is not calibrated";
+
 /// Assesses the windows of all actuators, in the order in which they come.
 #[derive(Debug)]
 pub struct Assessor {
@@ -199,7 +202,7 @@ impl Assessor {
             }
             let of_type = self.models.of_type(&job.actuator.type_name)?;
             if !self.knows_unit(&job.actuator) && !of_type.calibrated {
-                reasons.push(format!("type {} is not calibrated", of_type.calibration.actuator_type));
+                reasons.push(format!("type {} {NOT_CALIBRATED}", of_type.calibration.actuator_type));
             }
             reasons.extend(learning.map(str::to_owned));
             reasons.extend(assessed.reasons);

@@ -12,11 +12,11 @@ mod evidence;
 mod findings;
 mod words;
 
-use ema_identify::relations::{CommissionError, is_coarsely_sampled};
+use ema_identify::relations::{CommissionError, CommissionedRelations, is_coarsely_sampled};
 use ema_identify::unit_calibration::{RATE_MARGIN, Seen, UNIT_VERSION, UnitError};
 use ema_identify::unit_fit::WINDOWS_MIN;
 use ema_identify::{is_unmodelled, output_zero};
-use ema_models::{DriveKind, FaultId};
+use ema_models::{ActuatorParams, DriveKind, FaultId};
 
 use crate::assess::{AssessError, Assessor, conditions, hash_of_type};
 use crate::health::Levels;
@@ -256,6 +256,9 @@ pub fn calibrate_unit(
                 .to_owned(),
         );
     }
+    if let Ok(learnt) = &by_relations {
+        notes.extend(of_gear(&learnt.unit.commissioned, &jobs[0].params));
+    }
     let calibration = UnitCalibration {
         version: UNIT_VERSION,
         made_by: concat!("hmd ", env!("CARGO_PKG_VERSION")).to_owned(),
@@ -287,6 +290,27 @@ pub fn calibrate_unit(
         notes,
         findings,
     })
+}
+
+/// What an operator should know of the gear and of what it moves.
+fn of_gear(learnt: &CommissionedRelations, params: &ActuatorParams) -> Vec<String> {
+    let mut notes = Vec::new();
+    if learnt.may_bend {
+        notes.push(
+            "the gear may bend: a spring explains some of what a rigid gear leaves, the play hides the rest; shorts and eccentricity have three \
+             times the sigma, and a play is read by its reach"
+                .to_owned(),
+        );
+    }
+    let gear = &params.transmission;
+    let error = learnt.load_error.unwrap_or(0.0);
+    if error > gear.friction_dynamic * gear.gear_ratio {
+        notes.push(format!(
+            "the load that is measured and the one that the motion needs differ by {error:.1} N m more than chance explains: later windows doubt the \
+             load sensor only beyond that"
+        ));
+    }
+    notes
 }
 
 /// What was found, by the estimator that assesses the unit.

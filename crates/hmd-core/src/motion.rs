@@ -11,8 +11,40 @@ pub(crate) fn motion_of(job: &WindowJob) -> Motion {
     Motion {
         winding_temp_deg_c: job.conditions.winding_temp_deg_c,
         load_torque: job.conditions.load_torque_nm,
+        steps: steps(job),
+        has_output_angle: job.actuator.has_output_angle(),
         ..Motion::of(&job.params, &job.window.samples)
     }
+}
+
+/// Steps of currents, A, motor and output angle, counts, among the samples that were measured.
+fn steps(job: &WindowJob) -> [f64; 3] {
+    let window = &job.window;
+    let all = window.samples.iter().enumerate();
+    let measured = || {
+        all.clone()
+            .filter(|(n, _)| window.filled.binary_search(n).is_err())
+            .map(|(_, sample)| sample)
+    };
+    [
+        least_step(measured().flat_map(|sample| sample.currents).collect()),
+        least_step(measured().map(|sample| sample.motor_counts as f64).collect()),
+        least_step(measured().map(|sample| sample.output_counts as f64).collect()),
+    ]
+}
+
+/// Values that show the smallest difference between them.
+const VALUES_MIN: usize = 50;
+
+/// Smallest difference between values; 0 where there are few.
+fn least_step(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.dedup();
+    if values.len() < VALUES_MIN {
+        return 0.0;
+    }
+    let steps = values.windows(2).map(|two| two[1] - two[0]);
+    steps.fold(f64::INFINITY, f64::min)
 }
 
 /// Speed from which on friction has the sign of a direction, rad/s, and time for which it must last, s.
@@ -66,4 +98,19 @@ pub(crate) fn friction_torque_sigma(job: &WindowJob, commissioned_deg_c: Option<
     let dry = tolerances.friction_temperature * job.params.transmission.friction_dynamic;
     let viscous = tolerances.viscous_temperature * job.params.motor.c * mean_speed(job);
     dry.hypot(viscous) * beyond(range, found) / FRICTION_TEMPERATURE_SPAN_K
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_step_of_a_signal_is_the_smallest_difference_of_its_values() {
+        let values = |step: f64| (0..400).map(|n| step * f64::from(n % 97)).collect::<Vec<f64>>();
+        for step in [1.0, 50.0] {
+            let found = least_step([values(step), vec![0.0; 20]].concat());
+            assert!((found - step).abs() < 1e-9, "{found}");
+        }
+        assert!(least_step(vec![0.0; 400]).abs() < f64::EPSILON, "it stands");
+    }
 }

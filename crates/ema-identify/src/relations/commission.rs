@@ -9,7 +9,7 @@ use std::vec::Vec;
 use ema_models::ActuatorParams;
 use nalgebra::{SMatrix, SVector};
 
-use super::commissioned::{Baseline, CommissionedRelations};
+use super::commissioned::{Balance, Baseline, CommissionedRelations};
 use super::compliance::Compliance;
 use super::compliance_search::find_compliance;
 use super::controller::{LawKnowledge, free_scale, gain_ratio};
@@ -53,8 +53,10 @@ pub fn commission<S: RecordedSample>(
     windows: &[MeasuredWindow<'_, S>],
     shape: &BalanceShape,
 ) -> Result<CommissionedRelations, CommissionError> {
-    let compliance = shown_compliance(windows, shape).unwrap_or(shape.compliance);
-    let learnt = commission_as(windows, &BalanceShape { compliance, ..*shape })?;
+    let shown = shown_compliance(windows, shape);
+    let compliance = shown.compliance.unwrap_or(shape.compliance);
+    let mut learnt = commission_as(windows, &BalanceShape { compliance, ..*shape })?;
+    learnt.may_bend = shown.may_bend;
     let moving = windows.iter().filter(|window| learnt.estimate(window).torque_rows > 0);
     match moving.count() {
         found if found <= MIN_WINDOWS => Err(CommissionError::TooFewWindows { found }),
@@ -115,6 +117,9 @@ pub fn commission_as<S: RecordedSample>(
         setpoint_delay,
         torque_scale,
         gain_without_delay: true,
+        output_load: None,
+        load_error: None,
+        may_bend: false,
     };
     let readings: Vec<_> = windows.iter().map(|window| learnt.readings(window, None)).collect();
     let baseline: [Baseline; ELEMENT_COUNT] = Element::ALL.map(|element| {
@@ -126,9 +131,22 @@ pub fn commission_as<S: RecordedSample>(
     });
     let residual = Relation::ALL
         .map(|relation| HealthyResidual::of(readings.iter().map(|(_, balance)| balance.residuals[relation as usize])));
+    // Motion in one direction does not tell a load from friction.
+    let told = |(window, (_, balance)): (_, &(_, Balance))| Some((window, balance.load, balance.load_sigma?));
+    let loads: Vec<(&MeasuredWindow<'_, S>, OutputLoad, f64)> =
+        windows.iter().zip(&readings).filter_map(told).collect();
+    let output_load = loads
+        .iter()
+        .map(|(window, load, _)| load.mean_magnitude(&window.travel()));
+    let load_errors = loads.iter().filter_map(|(window, load, sigma)| {
+        let difference = libm::fabs(load.constant - window.since().measured_load?);
+        Some((difference - CHANCE_SIGMAS * sigma).max(0.0))
+    });
     Ok(CommissionedRelations {
         baseline,
         residual,
+        output_load: output_load.reduce(f64::max),
+        load_error: load_errors.reduce(f64::max),
         ..learnt
     })
 }
@@ -158,19 +176,53 @@ fn delay_of<S: RecordedSample>(windows: &[MeasuredWindow<'_, S>], torque_scale: 
     Baseline::of(&shown)
 }
 
-/// The compliance by which the windows are explained better than by one rigid mass.
-fn shown_compliance<S: RecordedSample>(windows: &[MeasuredWindow<'_, S>], shape: &BalanceShape) -> Option<Compliance> {
-    let [narrow, ..] = HALF_WIDTHS_S;
-    let sample_rate = windows.first()?.params().sensors.sample_rate;
-    if !shape.compliance.is_rigid() || narrow * sample_rate < SEARCH_SAMPLES {
-        return None;
-    }
-    find_compliance(|&compliance| {
-        let shape = BalanceShape { compliance, ..*shape };
-        let shared = shared_balance(windows, &shape, narrow, (Scale::Turns, false), SEARCH_ROUNDS);
-        shared.map_or(f64::NAN, |shared| shared.balance.residual_rms)
-    })
+/// What the windows show of a spring behind the motor.
+#[derive(Clone, Copy, Debug, Default)]
+struct ShownCompliance {
+    /// The compliance by which they are explained clearly better than by one rigid mass.
+    compliance: Option<Compliance>,
+    /// Whether a spring explains some of what a rigid mass leaves, and much of that is left.
+    may_bend: bool,
 }
+
+/// The compliance by which the windows are explained better than by one rigid mass.
+fn shown_compliance<S: RecordedSample>(windows: &[MeasuredWindow<'_, S>], shape: &BalanceShape) -> ShownCompliance {
+    let [narrow, middle, _] = HALF_WIDTHS_S;
+    let params = windows.first().map(MeasuredWindow::params);
+    let params =
+        params.filter(|params| shape.compliance.is_rigid() && narrow * params.sensors.sample_rate >= SEARCH_SAMPLES);
+    let residual = |half_width_s, &compliance: &Compliance| {
+        let shape = BalanceShape { compliance, ..*shape };
+        let shared = shared_balance(windows, &shape, half_width_s, (Scale::Turns, false), SEARCH_ROUNDS);
+        shared.map_or(f64::NAN, |shared| shared.balance.residual_rms)
+    };
+    let least = params.and_then(|_| find_compliance(|compliance| residual(narrow, compliance)));
+    match (params, least) {
+        (Some(_), Some(least)) if least.is_clearly_less() => ShownCompliance {
+            compliance: Some(least.compliance),
+            may_bend: false,
+        },
+        (Some(params), Some(least)) if least.share < SOME_LESS => {
+            let [rigid, wider] = [narrow, middle].map(|half_width_s| residual(half_width_s, &Compliance::RIGID));
+            let is_large = rigid > LARGE_SHARE * params.motor.torque_gain() * params.motor.i_max;
+            ShownCompliance {
+                compliance: None,
+                may_bend: is_large && rigid < ANGLE_ERRORS_NEXT * wider,
+            }
+        }
+        _ => ShownCompliance::default(),
+    }
+}
+
+/// Residual with a spring, relative to that of a rigid mass, below which the gear may bend: white errors of the torque leave 0.8.
+const SOME_LESS: f64 = 0.7;
+
+/// Residual of a rigid mass, as a share of the largest torque, below which a bending gear does no harm; that of any unit is half of it.
+const LARGE_SHARE: f64 = 0.01;
+
+/// Residual of the narrow kernel, relative to the next one, of errors of the angle: a kernel twice as wide leaves 1/5.7 of those, and 1/1.6 of
+/// a resonance in the band of both.
+const ANGLE_ERRORS_NEXT: f64 = 3.0;
 
 /// Samples of a half width from which on the fourth difference of the kernel resolves a resonance.
 const SEARCH_SAMPLES: f64 = 5.0;
@@ -184,6 +236,9 @@ const ROUNDS: usize = LOAD_ROUNDS + 1;
 /// Residual of the narrow kernel, relative to the wide one, from which the errors are those of the angle: a kernel four times as
 /// wide leaves ½ of white errors of the torque, 1/32 of white errors of the angle.
 const ANGLE_ERRORS: f64 = 6.0;
+
+/// Standard deviations of a load that chance explains.
+const CHANCE_SIGMAS: f64 = 2.0;
 
 /// A wider kernel is taken where it brings the expected variance below this share of that of a narrower one.
 const CLEARLY_LESS: f64 = 0.5;

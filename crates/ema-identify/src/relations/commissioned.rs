@@ -16,7 +16,7 @@ use super::shared::SHARED_COUNT;
 use super::shorted_loop::ShortedShare;
 use super::terms::Term;
 use super::torque_balance::{BalanceCoefficients, TorqueBalance, Turns, torque_balance};
-use super::transmission::play_width;
+use super::transmission::{REACH_SHARE, REACH_SHARE_BENDING, play_width};
 use crate::estimate::OBSERVABLE_SIGMA;
 use crate::monitor_fit::RecordedSample;
 
@@ -44,6 +44,16 @@ pub struct CommissionedRelations {
     /// hold for the motion and the delay of commissioning.
     #[cfg_attr(feature = "std", serde(default))]
     pub gain_without_delay: bool,
+    /// Largest mean load at the output of a healthy window, Nm; without it in older unit files, and where no window tells it from friction.
+    #[cfg_attr(feature = "std", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub output_load: Option<f64>,
+    /// Largest difference between the load that a healthy window shows and the one that is measured, less what chance explains, Nm; without it
+    /// none was measured, or no window tells a load from friction.
+    #[cfg_attr(feature = "std", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub load_error: Option<f64>,
+    /// Whether the gear may bend, though no spring explains the healthy windows clearly better than a rigid mass.
+    #[cfg_attr(feature = "std", serde(default, skip_serializing_if = "core::ops::Not::not"))]
+    pub may_bend: bool,
 }
 
 /// What healthy windows show of one element.
@@ -200,8 +210,13 @@ impl CommissionedRelations {
                 return Err(Needed::Reversal);
             }
             let share = error.share * (changed.value - healthy(element));
+            let by_load = if element == Element::Friction {
+                self.friction_by_load(&balance.load, window)
+            } else {
+                0.0
+            };
             Ok(Reading {
-                sigma: libm::hypot(sigma, share),
+                sigma: libm::hypot(libm::hypot(sigma, share), by_load),
                 ..changed
             })
         });
@@ -238,7 +253,7 @@ impl CommissionedRelations {
         let leaves_more = self.residual[Relation::TorqueBalance as usize]
             .relative(balance.residuals[Relation::TorqueBalance as usize])
             > PLAY_RESIDUAL;
-        let play_explains = is_wide && leaves_more && !self.balance.shape.compliance.is_rigid();
+        let play_explains = is_wide && leaves_more && self.reach_share().is_some();
         if play_explains {
             *torque_share = 0.0;
             for element in Element::BALANCE {
@@ -283,6 +298,33 @@ impl CommissionedRelations {
 }
 
 impl CommissionedRelations {
+    /// Standard deviation of the reach of the play as a share of it, of a gear that bends, or may.
+    fn reach_share(&self) -> Option<f64> {
+        if self.may_bend {
+            Some(REACH_SHARE_BENDING)
+        } else {
+            (!self.balance.shape.compliance.is_rigid()).then_some(REACH_SHARE)
+        }
+    }
+
+    /// Load, Nm, by which the balance of a healthy window may contradict a sensor of it.
+    #[must_use]
+    pub fn healthy_load_error(&self) -> f64 {
+        let of_bending = self.output_load.filter(|_| self.may_bend);
+        self.load_error.or(of_bending).unwrap_or(0.0)
+    }
+
+    /// One standard deviation of k1 by what the gear loses under the load that a window shows beyond those of commissioning and beyond the
+    /// measured one: `½ σ_T/T_d` with `σ_T = σ M/(2 n)`, σ that of the loss as a share of the load's torque at the motor, which opposes one half of
+    /// a motion there and back. 0 where the load of commissioning is not known.
+    fn friction_by_load<S: RecordedSample>(&self, load: &OutputLoad, window: &MeasuredWindow<'_, S>) -> f64 {
+        let since = window.since();
+        let Some(known) = self.output_load else { return 0.0 };
+        let beyond = load.mean_magnitude(&window.travel()) - known.max(libm::fabs(since.measured_load.unwrap_or(0.0)));
+        let torque = 0.5 * since.gear_loss_sigma * beyond.max(0.0) / window.params().transmission.gear_ratio;
+        0.5 * torque / self.balance.of(Term::DryFriction).max(f64::MIN_POSITIVE)
+    }
+
     /// Whether a load may have held the output at one flank of its play.
     fn may_hold<S: RecordedSample>(&self, load: &OutputLoad, window: &MeasuredWindow<'_, S>) -> bool {
         let gear_ratio = window.params().transmission.gear_ratio;
@@ -467,7 +509,7 @@ impl CommissionedRelations {
         let friction = self.balance.of(Term::DryFriction) / self.balance.of(Term::Inertia);
         let deceleration = libm::fabs(friction) / window.params().transmission.gear_ratio;
         let transmission = &self.residual[Relation::Transmission as usize];
-        let play = play_width(window, transmission, deceleration, &self.balance.shape.compliance);
+        let play = play_width(window, transmission, deceleration, self.reach_share());
         readings.put(Element::Backlash, play.map(|(width, _)| width));
         readings.put(Element::Gain, gain.map(|(gain, _)| gain));
         let torque = Residual {
@@ -492,8 +534,8 @@ impl CommissionedRelations {
 /// What the relations say besides the elements.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Balance {
-    load: OutputLoad,
-    load_sigma: Option<f64>,
+    pub(super) load: OutputLoad,
+    pub(super) load_sigma: Option<f64>,
     /// Residual of each relation, in the order of [`Relation::ALL`].
     pub(super) residuals: [Residual; RELATION_COUNT],
     rows: usize,

@@ -1,7 +1,7 @@
 //! The compliance under which the balance of healthy windows leaves least, by a search over three numbers.
 //!
-//! In: the residual of the windows for a compliance. Out: the compliance, where it explains clearly more than one rigid mass. The cost
-//! has one minimum (tried from several starts); a simplex needs no derivative of it.
+//! In: the residual of the windows for a compliance. Out: the compliance that leaves least, and how much. The cost has one minimum (tried
+//! from several starts); a simplex needs no derivative of it.
 
 use super::compliance::Compliance;
 
@@ -30,8 +30,23 @@ const DIMENSION: usize = 3;
 
 type Point = [f64; DIMENSION];
 
-/// The compliance that leaves least; `None` where one rigid mass does about as well.
-pub(super) fn find_compliance(residual: impl Fn(&Compliance) -> f64) -> Option<Compliance> {
+/// The compliance that leaves least.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LeastResidual {
+    pub(super) compliance: Compliance,
+    /// The residual, relative to that of a rigid mass.
+    pub(super) share: f64,
+}
+
+impl LeastResidual {
+    /// Whether the compliance explains clearly more than one rigid mass.
+    pub(super) fn is_clearly_less(&self) -> bool {
+        self.share < CLEARLY_LESS
+    }
+}
+
+/// The compliance that leaves least; `None` where no spring does better than one rigid mass.
+pub(super) fn find_compliance(residual: impl Fn(&Compliance) -> f64) -> Option<LeastResidual> {
     let rigid = residual(&Compliance::RIGID);
     let cost = |point: Point| {
         let found = residual(&of(point));
@@ -46,7 +61,10 @@ pub(super) fn find_compliance(residual: impl Fn(&Compliance) -> f64) -> Option<C
         .min_by(|a, b| a.0.total_cmp(&b.0))
         .filter(|(cost, _)| *cost < rigid)?;
     let (least, point) = simplex(start, cost);
-    (least < CLEARLY_LESS * rigid).then(|| of(point))
+    Some(LeastResidual {
+        compliance: of(point),
+        share: least / rigid,
+    })
 }
 
 fn of([log_resonance, damping_ratio, load_share]: Point) -> Compliance {
@@ -118,8 +136,12 @@ mod tests {
                 squared(compliance.locked, locked) + squared(compliance.free, free) + squared(compliance.lag, lag);
             libm::sqrt(0.01 + far)
         };
-        let found = find_compliance(residual).expect("a compliance");
+        let least = find_compliance(residual).expect("a compliance");
+        let found = least.compliance;
+        assert!(least.is_clearly_less());
         assert!((found.free / of(truth).free - 1.0).abs() < 0.05, "{found:?}");
-        assert!(find_compliance(|compliance| if compliance.is_rigid() { 1.0 } else { 0.6 }).is_none());
+        let alike = |with_spring: f64| find_compliance(move |of| if of.is_rigid() { 1.0 } else { with_spring });
+        assert!(alike(0.6).is_some_and(|least| !least.is_clearly_less()));
+        assert!(alike(1.1).is_none());
     }
 }

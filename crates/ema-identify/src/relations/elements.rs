@@ -42,7 +42,7 @@ impl Element {
     ];
 
     /// The elements of the torque balance, in the order of its free coefficients.
-    pub(super) const BALANCE: [Self; 6] = [
+    pub const BALANCE: [Self; 6] = [
         Self::TurnsA,
         Self::TurnsB,
         Self::TurnsC,

@@ -53,6 +53,10 @@ pub struct SinceCommissioning {
     pub is_other_motion: bool,
     /// It was sampled at another rate then.
     pub is_other_rate: bool,
+    /// Load torque at the output, Nm, where it is measured.
+    pub measured_load: Option<f64>,
+    /// One standard deviation of the torque that the gear loses under a load, as a share of that load's torque at the motor.
+    pub gear_loss_sigma: f64,
 }
 
 /// Measured quantities of one sample.
@@ -144,6 +148,11 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
 
     pub(super) fn is_other_rate(&self) -> bool {
         self.since.is_other_rate
+    }
+
+    /// What is other than at commissioning.
+    pub(super) fn since(&self) -> &SinceCommissioning {
+        &self.since
     }
 
     /// The motor as warm as it is.

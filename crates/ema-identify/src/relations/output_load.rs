@@ -45,6 +45,18 @@ impl OutputLoad {
         one * other > 0.0 && libm::fabs(one).min(libm::fabs(other)) > 0.5 * dry_friction * gear_ratio
     }
 
+    /// Mean magnitude of the load over a range of travel, Nm.
+    #[must_use]
+    pub(super) fn mean_magnitude(&self, travel: &Range<f64>) -> f64 {
+        let [one, other] = [travel.start, travel.end].map(|travel| libm::fabs(self.constant + self.spring * travel));
+        let crosses = (self.constant + self.spring * travel.start) * (self.constant + self.spring * travel.end) < 0.0;
+        if crosses {
+            0.5 * (one * one + other * other) / (one + other)
+        } else {
+            0.5 * (one + other)
+        }
+    }
+
     /// The part of a found load under which the gear loses torque: `max(0, 1 − (T₀/T)²)` of it, T its root-mean-square torque
     /// at the motor and T₀ 0.1 % of `G_T I_max`.
     ///
@@ -78,6 +90,22 @@ mod tests {
         };
         assert!(losing(1.0).abs() < 1e-12);
         assert!((losing(50.0) - 1.0).abs() < 0.01);
+    }
+
+    #[test]
+    fn the_mean_of_a_load_is_that_of_its_magnitude() {
+        let mean = |constant, spring| OutputLoad { constant, spring }.mean_magnitude(&(-0.1..0.3));
+        for (constant, spring, expected) in [
+            (-5.0, 0.0, 5.0),
+            (0.0, 0.0, 0.0),
+            (10.0, 100.0, 20.0),
+            (0.0, 100.0, 12.5),
+        ] {
+            assert!(
+                (mean(constant, spring) - expected).abs() < 1e-12,
+                "{constant}, {spring}"
+            );
+        }
     }
 
     #[test]

@@ -28,6 +28,10 @@ pub struct Motion {
     pub is_speed_mode: bool,
     /// Sampling rate, Hz.
     pub sample_rate_hz: f64,
+    /// Smallest differences between values of currents, A, of the motor's angle, and of the output's, counts; 0 where none is known.
+    pub steps: [f64; 3],
+    /// Whether the output angle is measured; else it is that of the motor behind a rigid gear.
+    pub has_output_angle: bool,
 }
 
 impl Motion {
@@ -58,6 +62,8 @@ impl Motion {
                 .iter()
                 .any(|sample| matches!(sample.setpoint, Setpoint::Speed(_))),
             sample_rate_hz: params.sensors.sample_rate,
+            steps: [0.0; 3],
+            has_output_angle: true,
         }
     }
 }
@@ -83,6 +89,13 @@ pub struct Seen {
     /// Sampling rate, Hz; older files had none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sample_rate_hz: Option<f64>,
+    /// Smallest differences between values of currents, A, of the motor's angle, and of the output's, counts; 0 where none is known, as in
+    /// older files.
+    #[serde(default)]
+    pub steps: [f64; 3],
+    /// Whether no output angle was measured.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub no_output_angle: bool,
     /// Twelfths of an electrical turn in which the rotor stood at the beginning of a window that goes backward, and of one that goes forward;
     /// without it a window may begin anywhere.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -122,6 +135,8 @@ pub enum Unseen {
     SampleRate(f64, f64),
     /// Electrical angle of the rotor at its beginning, rad.
     RotorAngle(f64),
+    /// Steps of a signal: its name, and how many times as wide as at commissioning they are.
+    Steps(&'static str, f64),
 }
 
 impl Unseen {
@@ -154,6 +169,9 @@ const MOTION_FACTOR: f64 = 2.0;
 /// Sampling rates within this share of each other are one: steps and derivatives are alike.
 pub const RATE_MARGIN: f64 = 0.02;
 
+/// Factor on the steps of a signal from which on they are other ones.
+const COARSER: f64 = 3.0;
+
 /// Travel beyond the range of the same motion, as a share.
 const TRAVEL_MARGIN: f64 = 0.01;
 
@@ -173,6 +191,11 @@ impl Seen {
             position_mode: windows.iter().any(|window| !window.is_speed_mode),
             speed_mode: windows.iter().any(|window| window.is_speed_mode),
             sample_rate_hz: windows.first().map(|window| window.sample_rate_hz),
+            steps: core::array::from_fn(|signal| {
+                let steps = windows.iter().map(|window| window.steps[signal]);
+                steps.filter(|step| *step > 0.0).reduce(f64::min).unwrap_or(0.0)
+            }),
+            no_output_angle: !windows.iter().any(|window| window.has_output_angle),
             rotor_sectors: None,
         }
     }
@@ -281,6 +304,13 @@ impl Seen {
         {
             unseen.push(Unseen::SampleRate(seen, window.sample_rate_hz));
         }
+        let names = ["currents", "motor angle", "output angle"];
+        for ((name, seen), found) in names.into_iter().zip(self.steps).zip(window.steps) {
+            let factor = found / seen;
+            if factor.is_finite() && factor > COARSER {
+                unseen.push(Unseen::Steps(name, factor));
+            }
+        }
         let here = sector(window.rotor_angle);
         let near = [here + SECTORS - 1, here, here + 1];
         if self.rotor_sectors.is_some_and(|seen| {
@@ -310,6 +340,7 @@ impl fmt::Display for Unseen {
             }
             Self::Mode => write!(f, "a mode that commissioning has not seen"),
             Self::SampleRate(seen, found) => write!(f, "{found:.1} samples/s, commissioned at {seen:.1}"),
+            Self::Steps(name, factor) => write!(f, "{name} in steps {factor:.0} times as wide as at commissioning"),
             Self::RotorAngle(found) => {
                 let found = found.to_degrees();
                 write!(
@@ -337,6 +368,8 @@ mod tests {
             is_forward: true,
             is_speed_mode: false,
             sample_rate_hz: 2000.0,
+            steps: [1e-3, 1.0, 1.0],
+            has_output_angle: true,
         };
         let seen = Seen::of(&[
             usual,
@@ -384,6 +417,13 @@ mod tests {
                     ..usual
                 },
                 Unseen::Mode,
+            ),
+            (
+                Motion {
+                    steps: [0.05, 0.0, 2.0],
+                    ..usual
+                },
+                Unseen::Steps("currents", 50.0),
             ),
         ] {
             assert_eq!(seen.unseen(&window, &params), [expected]);

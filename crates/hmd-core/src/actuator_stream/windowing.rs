@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use ema_models::{ActuatorParams, SensedSample, Setpoint};
 
+use super::free_zero::move_set_point_to_rest;
 use crate::config::ActuatorConfig;
 use crate::log_map::Quantity;
 use crate::outbox::{Outbox, WindowJob};
@@ -135,9 +136,12 @@ impl ReadyWindowing {
     pub(super) fn job(
         &self,
         actuator: &Arc<ActuatorConfig>,
-        window: Window,
+        mut window: Window,
         conditions: MeasuredConditions,
     ) -> WindowJob {
+        if !actuator.has_output_angle() {
+            move_set_point_to_rest(&mut window, &self.params);
+        }
         WindowJob {
             actuator: actuator.clone(),
             params: self.params,

@@ -4,7 +4,7 @@ use super::by_unit::Assessed;
 use super::{AssessError, Assessor, conditions};
 use crate::outbox::WindowJob;
 use crate::outliers::grants_runs;
-use crate::sensor_checks::rivals::{BETTER, Verdict, compare, is_doubtful};
+use crate::sensor_checks::rivals::{BETTER, Verdict, accuses_all_phases_alike, compare, is_doubtful};
 use crate::sensor_checks::{Correction, Finding, Suspect, examine, setpoint_time};
 use crate::window::{Defect, Degradation, Invalidity, WindowQuality};
 use ema_identify::effort::Effort;
@@ -83,7 +83,7 @@ impl Assessor {
         let (open, mut findings): (Vec<Finding>, Vec<Finding>) =
             examine(job).into_iter().partition(|finding| finding.or_part);
         // What is learnt holds for set points that are logged as they are.
-        if findings.is_empty() && !is_learning {
+        if findings.is_empty() && !is_learning && job.actuator.has_output_angle() {
             findings.extend(self.setpoint_time(job));
         }
         report(&findings, suspects, reasons);
@@ -154,11 +154,15 @@ impl Assessor {
     }
 
     /// The set point that is logged before or after its effect.
-    fn setpoint_time(&self, job: &WindowJob) -> Option<Finding> {
+    pub(super) fn setpoint_time(&self, job: &WindowJob) -> Option<Finding> {
         match self.models.unit(&job.actuator) {
             None => setpoint_time(job, None),
             Some(unit) => {
                 let relations = &unit.relations.as_ref()?.commissioned;
+                // Where the output angle is the motor's, the play stands in the control deviation.
+                if unit.seen.no_output_angle && job.actuator.has_output_angle() {
+                    return None;
+                }
                 setpoint_time(job, Some((relations, unit.seen.sample_rate_hz)))
             }
         }
@@ -204,7 +208,10 @@ impl Assessor {
             return Ok(None);
         };
         let (own, other) = (&as_received.estimate, &without.estimate);
-        let is_better = !own.is_unmodelled() && (other.is_unmodelled() || BETTER * own.cost < other.cost);
+        // No part wears in all three phases alike: another wiring does so.
+        let is_better = !own.is_unmodelled()
+            && !accuses_all_phases_alike(own, self.watch_level())
+            && (other.is_unmodelled() || BETTER * own.cost < other.cost);
         Ok(is_better.then_some((as_received, job)))
     }
 }

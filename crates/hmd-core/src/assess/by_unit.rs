@@ -8,7 +8,7 @@ use ema_identify::{Estimate, Fit, Identifier, Prepared};
 use ema_models::{ActuatorParams, Conditions, FAULT_COUNT, FaultId};
 
 use super::AssessError;
-use super::friction_sigma::friction_sigma;
+use super::friction_sigma::{friction_sigma, gear_loss_sigma};
 use crate::log_map::Resampling;
 use crate::motion::motion_of;
 use crate::outbox::WindowJob;
@@ -54,6 +54,8 @@ pub(super) fn estimate(
         winding_temp: unit.seen.winding_temp(conditions.winding_temp_deg_c),
         is_other_motion: !unit.seen.is_same_motion(&motion),
         is_other_rate: unit.seen.is_other_rate(&motion),
+        measured_load: job.conditions.load_torque_nm,
+        gear_loss_sigma: gear_loss_sigma(job),
     };
     let not_explained = |relations: &[Relation]| not_explained(relations, &measured);
     let is_coarser = since.is_other_rate && is_coarsely_sampled(&job.params);

@@ -29,6 +29,9 @@ const LIKELIEST_RUNS: u64 = 400;
 const NO_MONITOR: &str =
     "no set point: assessed by relations between measured signals alone, of a commissioned unit (hmd calibrate)";
 
+/// Why controller gain is not observable where the output angle is that of the motor.
+const PLAY_OR_DELAY: &str = "set point and motor are off in time: without an output angle a play looks so, and controller gain is not observable";
+
 /// The explanation of a window.
 pub(super) struct Explained {
     /// The estimate; none where the window is invalid.
@@ -161,8 +164,10 @@ impl Assessor {
     ) -> Result<(Assessed, bool), AssessError> {
         let mut unchecked = false;
         let commissioned = self.commissioned_temperatures(job);
+        let unit = self.models.unit(&job.actuator).and_then(|unit| unit.relations.as_ref());
+        let load_error = unit.map_or(0.0, |unit| unit.commissioned.healthy_load_error());
         for Contradiction { suspicion, correction } in
-            contradictions(job, &assessed.estimate, commissioned, self.watch_level())
+            contradictions(job, &assessed.estimate, commissioned, load_error, self.watch_level())
         {
             if suspects.contains(&suspicion.suspect) {
                 continue;
@@ -207,6 +212,13 @@ impl Assessor {
                 estimate.observable[fault.parameter()] = false;
                 estimate.sigma[fault.parameter()] = None;
             }
+        }
+        if let (Some(assessed), false) = (&mut found, job.actuator.has_output_angle())
+            && self.setpoint_time(job).is_some()
+        {
+            let gain = FaultId::Gain.parameter();
+            (assessed.estimate.observable[gain], assessed.estimate.sigma[gain]) = (false, None);
+            assessed.reasons.push(PLAY_OR_DELAY.to_owned());
         }
         Ok(found)
     }

@@ -20,12 +20,19 @@ fn by_load(job: &WindowJob, seen: &Seen) -> f64 {
     };
     let beyond = beyond(range, load);
     let gear = &job.params.transmission;
+    let directions = if moves_one_way(job) { 2.0 } else { 1.0 };
+    let torque = 0.5 * directions * beyond / gear.gear_ratio * gear_loss_sigma(job);
+    0.5 * torque / gear.friction_dynamic.max(f64::MIN_POSITIVE)
+}
+
+/// One standard deviation of the torque that the gear loses under a load, as a share of that load's torque at the motor, by the tolerances of
+/// the efficiencies: `√((σ_o/η_o)² + (σ_a η_a)²)`.
+pub(super) fn gear_loss_sigma(job: &WindowJob) -> f64 {
+    let gear = &job.params.transmission;
     let tolerances = &job.actuator.tolerances;
     let opposing = tolerances.efficiency_opposing / gear.efficiency_opposing;
     let aiding = tolerances.efficiency_aiding * gear.efficiency_aiding;
-    let directions = if moves_one_way(job) { 2.0 } else { 1.0 };
-    let torque = 0.5 * directions * beyond / gear.gear_ratio * opposing.hypot(aiding);
-    0.5 * torque / gear.friction_dynamic.max(f64::MIN_POSITIVE)
+    opposing.hypot(aiding)
 }
 
 /// The same by a winding temperature beyond those of commissioning, `½ σ_T/T_d`. A healthy `bench` 25 K colder than at commissioning, its C and

@@ -18,6 +18,10 @@ const PLAY_TOLERANCE: f64 = 0.5;
 /// Error of the torque at ω_max, as a share of the largest, within which the damping is known; that of the residual of any unit.
 const TORQUE_BEND: f64 = 5e-3;
 
+/// Factor on the sigmas of the rotor's faults behind a gear that may bend: of a unit with a resonance at 90 Hz whose play is as wide as the twist
+/// under its friction, healthy windows show shorts of up to 5 sigmas.
+const BENDING_FACTOR: f64 = 3.0;
+
 /// Relations that were learnt.
 pub(super) struct RelationsLearnt {
     pub(super) unit: UnitRelations,
@@ -34,6 +38,7 @@ pub(super) fn learn_relations(jobs: &[WindowJob], seen: &Seen) -> Result<Relatio
     let aligned = jobs.iter().map(|job| {
         let since = SinceCommissioning {
             winding_temp: seen.winding_temp(job.conditions.winding_temp_deg_c),
+            measured_load: job.conditions.load_torque_nm,
             ..SinceCommissioning::default()
         };
         job.window.aligned(&job.params, since)
@@ -70,7 +75,13 @@ pub(super) fn learn_relations(jobs: &[WindowJob], seen: &Seen) -> Result<Relatio
             .map(|ratio| ratio * ratio / components)
             .collect();
         let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
-        mean.sqrt().max(1.0)
+        let is_of_the_rotor = Element::BALANCE.contains(&element) && element != Element::Friction;
+        let of_bending = if commissioned.may_bend && is_of_the_rotor {
+            BENDING_FACTOR
+        } else {
+            1.0
+        };
+        of_bending * mean.sqrt().max(1.0)
     });
     let unit = UnitRelations {
         residual_rms_nm: rms,

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use ema_models::FaultId;
 
 use super::CommissioningError;
-use crate::assess::AssessedWindow;
+use crate::assess::{AssessedWindow, NOT_CALIBRATED};
 use crate::config::ActuatorConfig;
 use crate::health::{Levels, significance};
 use crate::record::WindowStatus;
@@ -18,6 +18,7 @@ pub struct SeenByType {
     damage: [Option<(f64, f64)>; FaultId::COUNT],
     suspects: Vec<Suspect>,
     is_unmodelled: bool,
+    is_of_calibrated_type: bool,
     /// Number of the window, and why it is what it is.
     window: u64,
     reason: String,
@@ -32,6 +33,7 @@ impl SeenByType {
             damage: FaultId::ALL.map(|fault| evidence.and_then(|evidence| evidence.damage_and_sigma(fault))),
             suspects: assessed.suspects.clone(),
             is_unmodelled: assessed.health.status == WindowStatus::Unmodelled.name(),
+            is_of_calibrated_type: !assessed.health.reason.contains(NOT_CALIBRATED),
             window: assessed.health.window,
             reason: assessed.health.reason.clone(),
         }
@@ -74,10 +76,12 @@ pub fn health_by_type(
     let mut unmodelled = windows.iter().filter(|window| window.is_unmodelled);
     let count = unmodelled.clone().count();
     if let (true, Some(first)) = (are_most(count), unmodelled.next()) {
-        let advice = if warnings.is_empty() {
-            "calibrate the type first (hmd calibrate --type)"
-        } else {
+        let advice = if !warnings.is_empty() {
             "correct what they doubt first"
+        } else if first.is_of_calibrated_type {
+            "the type is calibrated: a gear that bends, or a wrong number of the type, does so"
+        } else {
+            "calibrate the type first (hmd calibrate --type)"
         };
         warnings.push(format!(
             "warning: whether these windows are healthy could not be checked: {count} of {all} are unmodelled by the type alone, window {}: \

@@ -7,6 +7,9 @@ use ema_models::FaultId;
 
 use crate::health::{Levels, significance};
 
+/// Largest damage that there is.
+const DAMAGE_MAX: f64 = 1.0;
+
 /// Quantile of the normal distribution, 99 %.
 const NORMAL_99: f64 = 2.326_348;
 
@@ -104,7 +107,8 @@ impl Evidence {
         let of = |fault: FaultId| {
             let sigma = self.sigma[fault.index()]?;
             let alarm = levels[fault.index()].watch.max(alarm_sigmas(fault) * sigma);
-            Some((fault.name().to_owned(), round(alarm + NORMAL_99 * sigma)))
+            let least = round(alarm + NORMAL_99 * sigma);
+            (least < DAMAGE_MAX).then(|| (fault.name().to_owned(), least))
         };
         FaultId::ALL.into_iter().filter_map(of).collect()
     }

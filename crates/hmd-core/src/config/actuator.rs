@@ -18,7 +18,7 @@ use super::signals::{self, DbcFiles};
 use super::specification::Specification;
 use crate::dbc::SignalMap;
 use crate::drive_bus::DriveBus;
-use crate::log_map::LogMap;
+use crate::log_map::{Gap, LogMap};
 
 const KEYS: &[&str] = &[
     "name",
@@ -221,6 +221,13 @@ impl ActuatorConfig {
     #[must_use]
     pub fn has_set_point(&self) -> bool {
         self.log.as_ref().is_none_or(|log| log.has_command())
+    }
+
+    /// Whether its samples have an output angle; else it is that of the motor behind a rigid gear.
+    #[must_use]
+    pub fn has_output_angle(&self) -> bool {
+        let log = self.log.as_ref();
+        log.is_none_or(|log| log.gaps().all(|gap| gap != Gap::OutputAngle))
     }
 
     /// Faults that no window can show, for want of a signal in its log or drive.

@@ -42,8 +42,40 @@ pub struct RowDecoder {
 #[derive(Clone, Copy, Debug)]
 struct Numbering {
     period_us: f64,
-    last: Option<(u16, f64)>,
+    last: Option<Numbered>,
 }
+
+/// A row that was numbered.
+#[derive(Clone, Copy, Debug)]
+struct Numbered {
+    number: u16,
+    time_us: f64,
+    /// When its number is due by the even steps of the rows before.
+    due_us: f64,
+    /// Rows that show these steps.
+    rows: u32,
+}
+
+impl Numbered {
+    /// A row from which even steps begin.
+    fn first(number: u16, time_us: f64) -> Self {
+        Self {
+            number,
+            time_us,
+            due_us: time_us,
+            rows: 1,
+        }
+    }
+}
+
+/// Share of what a row is off its even step by that the next steps follow: they average over ten rows.
+const FOLLOWED: f64 = 0.1;
+
+/// Steps from one row to the next after which even steps begin anew: the period is not known to a share of a step for longer.
+const STEPS_KNOWN: f64 = 8.0;
+
+/// Longest time before its zero from which a log counts, as a trigger is recorded, µs: a day.
+const BEFORE_ZERO_US: f64 = 86.4e9;
 
 /// What a row has.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -125,7 +157,12 @@ impl RowDecoder {
             let (column, unit) = of(Quantity::Of(role))?;
             Some(column.wraps_after? * unit.scale.abs())
         });
-        let time_scale = of(Quantity::Time).map_or(Unit::SAME, |(_, unit)| *unit).scale;
+        let time = of(Quantity::Time).map_or(Unit::SAME, |(_, unit)| *unit);
+        let time_scale = time.scale;
+        let times_us = first_times
+            .iter()
+            .map(|&time_of_log| time.to_internal(time_of_log) + start_us);
+        let start_us = start_us + whole_seconds_before_zero(times_us);
         let roles = map.columns().iter().filter_map(|column| match column.quantity {
             Quantity::Of(role) => Some(role),
             Quantity::Time | Quantity::Counter | Quantity::CurrentD | Quantity::CurrentQ => None,
@@ -250,20 +287,42 @@ impl RowDecoder {
 impl Numbering {
     /// The number of a row; `None` where its time is not later than the one before.
     fn next(&mut self, time_us: f64) -> Option<u16> {
-        let Some((number, last_us)) = self.last else {
-            self.last = Some((0, time_us));
+        let Some(last) = self.last else {
+            self.last = Some(Numbered::first(0, time_us));
             return Some(0);
         };
-        let elapsed_us = time_us - last_us;
-        // After a step back in time a number is left out, so that no window goes on over it.
-        let steps = if elapsed_us > 0.0 {
-            (elapsed_us / self.period_us).round().clamp(1.0, STEP_MAX)
+        if time_us <= last.time_us {
+            // After a step back in time a number is left out, so that no window goes on over it.
+            self.last = Some(Numbered::first(last.number.wrapping_add(2), time_us));
+            return None;
+        }
+        // A row is late or early by itself: what counts is its distance from even steps, not from the row before.
+        let steps = ((time_us - last.due_us) / self.period_us).round().clamp(1.0, STEP_MAX);
+        let number = last.number.wrapping_add(steps as u16);
+        let rows = last.rows.saturating_add(1);
+        let due_us = last.due_us + steps * self.period_us;
+        let followed = FOLLOWED.max(1.0 / f64::from(rows));
+        self.last = Some(if steps > STEPS_KNOWN {
+            Numbered::first(number, time_us)
         } else {
-            2.0
-        };
-        let number = number.wrapping_add(steps as u16);
-        self.last = Some((number, time_us));
-        (elapsed_us > 0.0).then_some(number)
+            Numbered {
+                number,
+                time_us,
+                due_us: due_us + followed * (time_us - due_us),
+                rows,
+            }
+        });
+        Some(number)
+    }
+}
+
+/// Whole seconds, µs, by which times before zero are moved, so that the earliest is not; 0 of times that are no seconds since a trigger.
+fn whole_seconds_before_zero(times_us: impl Iterator<Item = f64>) -> f64 {
+    let earliest = times_us.fold(0.0, f64::min);
+    if earliest >= -BEFORE_ZERO_US {
+        (-earliest * 1e-6).ceil() * 1e6
+    } else {
+        0.0
     }
 }
 
@@ -381,6 +440,57 @@ mod tests {
         // Another row of the same time: nobody knows which is right, and no window goes on over it.
         assert_eq!(decoder.push(&row(2, 2.0)), Err(RowFault::NotLater));
         assert_eq!(sample(&mut decoder, &row(3, 1.0)).seq, 5);
+    }
+
+    #[test]
+    fn rows_that_are_early_and_late_keep_their_numbers() {
+        let numbered = |off: &dyn Fn(u32) -> f64, lost: &[u32]| {
+            let mut numbering = Numbering {
+                period_us: 502.0,
+                last: None,
+            };
+            let rows = (0..3000_u32).filter(|n| !lost.contains(n));
+            rows.map(|n| numbering.next(500.0 * (f64::from(n) + off(n))).expect("a later time"))
+                .map(u32::from)
+                .collect::<Vec<u32>>()
+        };
+        // Evenly spread over ±0.3 periods, the first row latest.
+        let spread = |n: u32| 0.3 - 0.6 * (f64::from(n) * 0.618_034).fract();
+        assert_eq!(numbered(&spread, &[]), (0..3000).collect::<Vec<u32>>());
+        let lost = [400, 401, 900];
+        let expected: Vec<u32> = (0..3000).filter(|n| !lost.contains(n)).collect();
+        assert_eq!(numbered(&spread, &lost), expected);
+        // After a pause the steps begin anew.
+        let pause: Vec<u32> = (1000..1700).collect();
+        let found = numbered(&|_| 0.0, &pause);
+        assert_eq!(found.last().map(|last| last - found[1000]), Some(1299));
+    }
+
+    #[test]
+    fn times_before_a_trigger_count_from_a_whole_second_before_them() {
+        let decoder = |first: f64| {
+            let mut of = decoder(&DQ, None);
+            let columns = of.columns.clone();
+            let actuator = ActuatorId::new(0).expect("a number");
+            of = RowDecoder::new(
+                actuator,
+                &ActuatorParams::bench(),
+                of.map,
+                columns,
+                0.0,
+                &[first, first + 500.0],
+            );
+            of
+        };
+        let stamp = |first: f64, time: f64| {
+            let decoded = decoder(first).push(&[time, 1.0, 0.0, 0.0]);
+            decoded.map(|decoded| decoded.expect("a sample").stamp_ns)
+        };
+        assert_eq!(stamp(-2.0e6, -2.0e6), Ok(0));
+        assert_eq!(stamp(-2.0e6, 1.0e6), Ok(3_000_000_000));
+        assert_eq!(stamp(-10.0, -10.0), Ok(999_990_000));
+        assert_eq!(stamp(0.0, 0.0), Ok(0));
+        assert_eq!(stamp(-1e15, -1e15), Err(RowFault::NoTime));
     }
 
     #[test]

@@ -37,15 +37,17 @@ const FRICTION_SHARE: f64 = 0.05;
 const FRICTION_SCATTER: f64 = 0.15;
 
 /// The readings of a window that its estimate contradicts; `commissioned` are the winding temperatures at which the unit was commissioned, °C,
-/// where it was; `level` is the damage from which on a part is accused.
+/// where it was; `load_error` is the largest difference of found and measured load in its healthy windows, Nm; `level` is the damage from
+/// which on a part is accused.
 #[must_use]
 pub fn contradictions(
     job: &WindowJob,
     estimate: &Estimate,
     commissioned: Option<Option<[f64; 2]>>,
+    load_error: f64,
     level: f64,
 ) -> Vec<Contradiction> {
-    let mut found: Vec<Contradiction> = load(job, estimate, commissioned)
+    let mut found: Vec<Contradiction> = load(job, estimate, commissioned, load_error)
         .into_iter()
         .chain(link(job, estimate))
         .collect();
@@ -80,7 +82,12 @@ fn contradiction(suspect: Suspect, evidence: &str, correction: Correction) -> Co
 
 /// The reading against the load that the motion needs, and, where it tells load and friction only together, against the loads between
 /// friction that is not worn and worn to its limit. Coarse samples do not tell a load: what they leave of the torque repeats with the motion.
-fn load(job: &WindowJob, estimate: &Estimate, commissioned: Option<Option<[f64; 2]>>) -> Option<Contradiction> {
+fn load(
+    job: &WindowJob,
+    estimate: &Estimate,
+    commissioned: Option<Option<[f64; 2]>>,
+    load_error: f64,
+) -> Option<Contradiction> {
     let read = job
         .conditions
         .load_torque_nm
@@ -88,7 +95,7 @@ fn load(job: &WindowJob, estimate: &Estimate, commissioned: Option<Option<[f64; 
     // One scale of the friction does not follow a lubricant that is warmer, or colder, than at commissioning.
     let of_lubricant = job.params.transmission.gear_ratio * friction_torque_sigma(job, commissioned.flatten());
     let load_sigma = |inferred: &Inferred, share: f64| load_sigma(job, inferred, share).hypot(of_lubricant);
-    let off = |inferred: Inferred, share: f64| (inferred.value - read) / load_sigma(&inferred, share);
+    let off = |inferred: Inferred, share: f64| beyond(inferred.value - read, load_error) / load_sigma(&inferred, share);
     let needed = |Inferred { value, .. }: Inferred, sigma: f64| {
         let evidence = format!("reads {read:.1} N m, the motion needs {value:.1} ± {sigma:.1} N m");
         contradiction(Suspect::LoadSensor, &evidence, Correction::NoLoad)
@@ -108,6 +115,11 @@ fn load(job: &WindowJob, estimate: &Estimate, commissioned: Option<Option<[f64; 
         );
         contradiction(Suspect::LoadSensor, &evidence, Correction::NoLoad)
     })
+}
+
+/// What a difference is beyond an error that it may have either way.
+fn beyond(difference: f64, error: f64) -> f64 {
+    difference - difference.clamp(-error, error)
 }
 
 /// Standard deviation of an inferred load, Nm, what the gear's losses add included.

@@ -73,7 +73,10 @@ pub fn examine(job: &WindowJob) -> Vec<Finding> {
         findings.extend(precise_ratio(&signals, params).map(|ratio| of_precise_ratio(params, ratio, &signals)));
     }
     if findings.is_empty() {
-        findings.extend(setpoint_error(&signals, params, job.window.trigger).map(|error| of_setpoint(params, error)));
+        // Without an encoder no zero of one is wrong.
+        let error = setpoint_error(&signals, params, job.window.trigger)
+            .filter(|error| job.actuator.has_output_angle() || !matches!(error, SetpointError::Zero(_)));
+        findings.extend(error.map(|error| of_setpoint(params, error)));
     }
     let tolerances = tolerances_of_sensors(&job.actuator.tolerances);
     if let WindowQuality::Invalid(invalidity) = &job.window.quality {

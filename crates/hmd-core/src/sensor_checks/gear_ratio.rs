@@ -29,6 +29,9 @@ const ERROR_MIN: f64 = 8e-3;
 /// Counts of the encoder by which both ends of the travel may be off together.
 const END_COUNTS: f64 = 0.5;
 
+/// Age of one angle against the other, sample periods, that sensors have: a load that coasts through its play looks older.
+const AGE_SAMPLES: f64 = 2.0;
+
 /// Standard deviations of the fit.
 const SIGMAS: f64 = 4.0;
 
@@ -65,5 +68,6 @@ pub(super) fn precise_ratio(signals: &Signals, params: &ActuatorParams) -> Optio
     let explained = (OF_COUNTS * count).hypot(OF_ERROR * error * travel);
     let least = ERROR_MIN + END_COUNTS * count / travel + SIGMAS * sigma;
     let is_line = found.mean_square < explained * explained;
-    (is_line && error.abs() > least).then_some((1.0 + error, sigma.hypot(END_COUNTS * count / travel)))
+    let is_age = found.value[3].abs() < AGE_SAMPLES * age;
+    (is_line && is_age && error.abs() > least).then_some((1.0 + error, sigma.hypot(END_COUNTS * count / travel)))
 }

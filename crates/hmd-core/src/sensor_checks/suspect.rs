@@ -173,6 +173,7 @@ impl Suspect {
             | Invalidity::TooManyFlawed { .. }
             | Invalidity::CountersDisagree { .. }
             | Invalidity::StartInMotion { .. }
+            | Invalidity::TimeJitter { .. }
             | Invalidity::SampleRate { .. } => None,
         }
     }

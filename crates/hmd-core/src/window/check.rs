@@ -56,6 +56,9 @@ pub(super) fn examine(slots: &mut [Slot], limits: &Limits) -> Findings {
         .filter(|slot| slot.was_received() && slot.is_flawed())
         .count() as u64;
     let (clock_jumps, rate) = clock(slots, limits);
+    let time_jitter = limits
+        .is_numbered_by_time
+        .then(|| time_jitter(slots, limits.sample_rate));
     let invalid = rate
         .or_else(|| one_current_stuck(slots, limits).then_some(Invalidity::Stuck(Signal::Currents)))
         .or_else(|| too_many_flawed(slots, &limits.lengths))
@@ -73,10 +76,26 @@ pub(super) fn examine(slots: &mut [Slot], limits: &Limits) -> Findings {
             .count() as u64,
         clock_jumps,
         unsteady_rad_s: unsteady_start(slots, limits),
-        time_jitter: limits
-            .is_numbered_by_time
-            .then(|| time_jitter(slots, limits.sample_rate)),
-        invalid,
+        time_jitter,
+        invalid: invalid.map(|why| or_time_jitter(why, time_jitter)),
+    }
+}
+
+/// Jitter of stamps, as a share of a period, that puts single samples in the wrong place where they number them.
+const MISPLACING_JITTER: f64 = 0.15;
+
+/// What makes a window invalid, or the jitter that does so where stamps number the samples.
+fn or_time_jitter(why: Invalidity, time_jitter: Option<f64>) -> Invalidity {
+    let is_by_places = match why {
+        Invalidity::CommandInGap { .. } | Invalidity::CounterJumped { .. } => true,
+        Invalidity::TooManyFlawed { defect, .. } => {
+            matches!(defect, Defect::Missing | Defect::MotorSpike | Defect::OutputSpike)
+        }
+        _ => false,
+    };
+    match time_jitter {
+        Some(of_period) if is_by_places && of_period > MISPLACING_JITTER => Invalidity::TimeJitter { of_period },
+        _ => why,
     }
 }
 

@@ -90,6 +90,11 @@ pub enum Invalidity {
         /// Range of the motor angle before the trigger, rad.
         turned_rad: f64,
     },
+    /// No counter numbers the samples, and their stamps scatter about even steps by so much that samples seem lost, or angles to jump.
+    TimeJitter {
+        /// Root mean square, as a share of a period.
+        of_period: f64,
+    },
     /// The stamps do not advance at the sample rate that the type has.
     SampleRate {
         /// The type's rate, Hz.
@@ -216,6 +221,12 @@ impl fmt::Display for Invalidity {
                     "start in motion: the command moved before the trigger, and the motor by {turned_rad:.2} rad"
                 )
             }
+            Self::TimeJitter { of_period } => write!(
+                f,
+                "time jitter: numbered by time, which jitters by {:.1} %: the number of the row as sample.counter, with clock = \"receiver\" and \
+                 the true sample_rate_hz, does without",
+                100.0 * of_period
+            ),
             Self::SampleRate {
                 configured_hz,
                 by_stamps_hz,
@@ -340,6 +351,11 @@ mod tests {
             (
                 Invalidity::StartInMotion { turned_rad: 0.25 },
                 "start in motion: the command moved before the trigger, and the motor by 0.25 rad",
+            ),
+            (
+                Invalidity::TimeJitter { of_period: 0.288 },
+                "time jitter: numbered by time, which jitters by 28.8 %: the number of the row as sample.counter, with clock = \"receiver\" and \
+                 the true sample_rate_hz, does without",
             ),
             (
                 Invalidity::SampleRate {

@@ -1,5 +1,6 @@
 //! The program `hmd` as a whole: its verbs, the daemon on all its sources and in real time, and what its requirements name.
 
+mod bending_gear;
 mod check_config;
 mod cli_live;
 mod damaged_log;
@@ -14,6 +15,7 @@ mod learning;
 mod lines;
 mod live;
 mod measured_log;
+mod no_output_angle;
 mod outputs;
 mod printed;
 mod refusals;

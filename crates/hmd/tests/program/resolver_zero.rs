@@ -44,3 +44,32 @@ fn a_far_zero_of_the_resolver_is_named_with_its_angle_at_any_rate() {
         }
     }
 }
+
+/// A log whose phase currents stand in cyclic order: a in the place of b, b of c, c of a.
+fn cyclic(log: &str) -> String {
+    let lines = log.lines().map(|line| match line.split_once(" 100#") {
+        Some((before, data)) => format!("{before} 100#{}{}{}\n", &data[8..12], &data[..8], &data[12..]),
+        None => format!("{line}\n"),
+    });
+    lines.collect()
+}
+
+#[test]
+fn phases_in_cyclic_order_are_named_of_a_commissioned_unit_too() {
+    let folder = Folder::new();
+    let unit = "--drive vector --with cogging_nm=0.09 --with resolver_error_1_rad=3e-3 --noise 0.03";
+    folder.done(&format!("simulate {unit} --windows 6 --seed 3 -o healthy.log"));
+    folder.done("calibrate healthy.log -o unit.toml");
+    folder.write("hmd.toml", "[[actuator]]\nid = 0\ncalibration = \"unit.toml\"\n");
+    folder.done(&format!("simulate {unit} --seed 9 -o right.log"));
+    let right = String::from_utf8(folder.read("right.log")).expect("a log of text");
+    folder.write("cyclic.log", cyclic(&right));
+    for config in ["", "-c hmd.toml"] {
+        let lines = folder.done(&format!("replay cyclic.log {config} --json"));
+        assert!(
+            lines.contains("phase order: all seem shifted by one place"),
+            "{config}: {lines}"
+        );
+        assert!(!lines.contains("all three phases alike"), "{config}: {lines}");
+    }
+}

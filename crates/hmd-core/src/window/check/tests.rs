@@ -515,6 +515,32 @@ fn samples_numbered_by_time_say_by_how_much_it_jitters() {
 }
 
 #[test]
+fn an_angle_that_seems_to_jump_where_time_jitters_is_put_down_to_it() {
+    let mut limits = limits(2000.0);
+    limits.is_numbered_by_time = true;
+    let found = |late_ns: u64| {
+        let mut slots = slots(1001, good);
+        for slot in slots.iter_mut().skip(600) {
+            slot.sample.motor_counts += 5000;
+        }
+        for slot in slots.iter_mut().skip(1).step_by(2) {
+            slot.stamp_ns += late_ns;
+        }
+        examine(&mut slots, &limits).invalid
+    };
+    assert!(
+        matches!(found(100_000), Some(Invalidity::CounterJumped { .. })),
+        "{:?}",
+        found(100_000)
+    );
+    let jitter = found(200_000);
+    assert!(
+        matches!(jitter, Some(Invalidity::TimeJitter { of_period }) if (of_period - 0.2).abs() < 1e-3),
+        "{jitter:?}"
+    );
+}
+
+#[test]
 fn of_several_reasons_the_first_in_the_order_of_the_page_is_given() {
     let limits = limits(2000.0);
     type Change = fn(usize, &mut SensedSample);

@@ -110,7 +110,7 @@ fn a_log_is_a_table_of_samples() {
 
     text.extend(b"no frame\n");
     std::fs::write(&log, text).unwrap();
-    let (damaged, told) = export(Box::default());
+    let (damaged, told) = export(Box::<Rows>::default());
     assert_eq!(damaged.rows, exported.rows);
     assert_eq!(damaged.lost.as_deref(), Some("data lost: 1 unreadable line or frame"));
     let [place] = &told[..] else { panic!("{told:?}") };

@@ -123,7 +123,14 @@ impl RelationsLearnt {
         // What bends the torque with current or speed (saturation, iron losses) is taken for damping.
         let peak = motor.torque_gain() * motor.i_max;
         let error = TORQUE_BEND * peak;
-        let bend = error.hypot(coarse_torque_error(&job.params)) / job.params.controller.omega_max;
+        // What a gear that may bend leaves unexplained may be in phase with the speed.
+        let unexplained = if self.unit.commissioned.may_bend {
+            balance.residual_rms
+        } else {
+            0.0
+        };
+        let error = error.hypot(coarse_torque_error(&job.params)).hypot(unexplained);
+        let bend = error / job.params.controller.omega_max;
         let of_balance = [
             (UnitParameter::Inertia, balance.of(Term::Inertia)),
             (UnitParameter::DryFriction, balance.of(Term::DryFriction)),

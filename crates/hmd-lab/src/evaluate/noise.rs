@@ -112,7 +112,7 @@ fn at_rate(
         p95_rss_pct: percentile(cases.iter().map(|c| c.rss_pct), 0.95),
         coverage_95,
         coverage_95_by_component,
-        crlb_ratio: crlb_ratio(identifier, rate, n, seed)?,
+        crlb_ratio: crlb_ratio(identifier, rate, 0..n, seed)?,
         cases,
     })
 }

@@ -4,6 +4,7 @@
 //! fixed, weighed by how well it predicted the estimates. [`Remaining`] is the distribution of the hours until their
 //! mixture reaches the end of life. `docs/prognosis.md` gives the equations.
 
+mod estimate;
 mod forecast;
 mod jump;
 mod law;

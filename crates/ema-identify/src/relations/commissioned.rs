@@ -177,8 +177,20 @@ impl CommissionedRelations {
     /// admittance. Derived here from the definition of the fault vector.
     #[must_use]
     pub fn estimate<S: RecordedSample>(&self, window: &MeasuredWindow<'_, S>) -> RelationsEstimate {
-        let nominal_gain = self.baseline[Element::Gain as usize];
-        let (readings, balance) = self.readings(window, Some(&nominal_gain));
+        let nominal_gain = &self.baseline[Element::Gain as usize];
+        let (readings, balance) = self.readings(window, Some(nominal_gain));
+        self.changes(window, &readings, &balance)
+    }
+
+    /// What the readings of a window say of the faults. Apart from the readings, whose stack is the deepest.
+    #[inline(never)]
+    fn changes<S: RecordedSample>(
+        &self,
+        window: &MeasuredWindow<'_, S>,
+        readings: &ElementReadings,
+        balance: &Balance,
+    ) -> RelationsEstimate {
+        let nominal_gain = &self.baseline[Element::Gain as usize];
         let unseen = unseen_share(window);
         // With another position gain the loop moves the actuator otherwise under the same command.
         let differs = |gain: Reading| libm::fabs(gain.value - nominal_gain.mean) > CLEAR * gain.sigma;

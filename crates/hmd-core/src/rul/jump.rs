@@ -1,6 +1,6 @@
 //! Jumps of the damage between one estimate and the next, without any law of growth.
 
-use super::trend::{DISAGREEMENT_SIGMAS, Estimate};
+use super::estimate::{DISAGREEMENT_SIGMAS, Estimate};
 
 /// Whether the last `after` of these estimates lie on another level than the `before` ones in front of them. Damage does not fall; and growth
 /// that is steady, or ever faster, does not come from far below the straight line of the newest estimates.

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::estimate::{DISAGREEMENT_SIGMAS, Estimate};
 use super::jump;
 use super::law::{Clock, Law};
 use super::usage::Odometer;
@@ -29,9 +30,6 @@ const START: usize = 3;
 
 /// Keeps the squares of slopes in the machine's range, for estimates that are next to no time apart.
 const SLOPE_SIGMA_MAX: f64 = 1e100;
-
-/// Two estimates further apart than this, in standard deviations, do not agree.
-pub(super) const DISAGREEMENT_SIGMAS: f64 = 5.0;
 
 /// Estimates in a row that fit no law, or lie apart from those before them, with which a new trend begins.
 const JUMP_AFTER: usize = 4;
@@ -92,14 +90,6 @@ pub struct Trend {
     scatter: f64,
     /// Trends before this one that broke off.
     pub(super) jumps: u32,
-}
-
-/// Damage at some use.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(super) struct Estimate {
-    pub(super) at: Odometer,
-    pub(super) damage: f64,
-    pub(super) variance: f64,
 }
 
 impl Trend {

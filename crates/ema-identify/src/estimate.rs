@@ -118,7 +118,7 @@ pub(crate) fn beside(sigma: f64, part: f64) -> f64 {
 }
 
 /// Damage by a change of a component.
-fn damage_per_change(parameter: usize) -> f64 {
+pub(crate) fn damage_per_change(parameter: usize) -> f64 {
     let mut faults = FaultId::ALL.into_iter().filter(|fault| fault.parameter() == parameter);
     faults.next().map_or(1.0, FaultId::damage_per_change)
 }

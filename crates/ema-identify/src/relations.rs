@@ -21,6 +21,7 @@
 //! is left out: `docs/design/relations.md`.
 
 mod between_samples;
+mod change;
 #[cfg(feature = "std")]
 mod commission;
 mod commissioned;

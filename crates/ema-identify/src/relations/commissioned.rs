@@ -2,9 +2,10 @@
 
 use core::f64::consts::{PI, TAU};
 
-use ema_models::{ActuatorParams, FAULT_COUNT, FaultId, FaultVector};
+use ema_models::{FAULT_COUNT, FaultVector};
 
 use super::between_samples::coarse_torque_error;
+use super::change::{ModelError, change, healthy, needed_for};
 use super::controller::{LawKnowledge, gain_ratio};
 use super::elements::{ELEMENT_COUNT, Element, ElementReadings, Needed, Reading};
 use super::hidden_torque::unseen_share;
@@ -17,7 +18,7 @@ use super::shorted_loop::ShortedShare;
 use super::terms::Term;
 use super::torque_balance::{BalanceCoefficients, TorqueBalance, Turns, torque_balance};
 use super::transmission::{REACH_SHARE, REACH_SHARE_BENDING, play_width};
-use crate::estimate::OBSERVABLE_SIGMA;
+use crate::estimate::{OBSERVABLE_SIGMA, damage_per_change};
 use crate::monitor_fit::RecordedSample;
 
 /// What the healthy windows of a unit have in common.
@@ -209,9 +210,9 @@ impl CommissionedRelations {
             let error = ModelError::of(element, window.params().sensors.sample_rate, unseen, asymmetry);
             let sigma = libm::hypot(changed.sigma, error.floor);
             // A sum that is not a number is no observation. The share does not count: it hides no large damage.
-            let of_damage = damage_per_change(element) * sigma;
+            let of_damage = damage_per_change(element.fault().parameter()) * sigma;
             if !changed.value.is_finite() || of_damage.is_nan() || of_damage > OBSERVABLE_SIGMA {
-                let by_commissioning = damage_per_change(element) * error.floor > OBSERVABLE_SIGMA;
+                let by_commissioning = damage_per_change(element.fault().parameter()) * error.floor > OBSERVABLE_SIGMA;
                 return Err(if by_commissioning {
                     Needed::CommissioningThatShowsIt
                 } else {
@@ -327,8 +328,8 @@ impl CommissionedRelations {
     }
 
     /// One standard deviation of k1 by what the gear loses under the load that a window shows beyond those of commissioning and beyond the
-    /// measured one: `½ σ_T/T_d` with `σ_T = σ M/(2 n)`, σ that of the loss as a share of the load's torque at the motor, which opposes one half of
-    /// a motion there and back. 0 where the load of commissioning is not known.
+    /// measured one: `½ σ_T/T_d` with `σ_T = σ M/(2 n)`, σ that of the loss as a share of the load's torque at the motor, which opposes one
+    /// half of a motion there and back. 0 where the load of commissioning is not known.
     fn friction_by_load<S: RecordedSample>(&self, load: &OutputLoad, window: &MeasuredWindow<'_, S>) -> f64 {
         let since = window.since();
         let Some(known) = self.output_load else { return 0.0 };
@@ -388,76 +389,6 @@ const CLEAR: f64 = 3.0;
 /// Residual of the torque balance, relative to that of the healthy windows, from which the play of a compliant transmission is a part of it:
 /// above that of windows with other faults.
 const PLAY_RESIDUAL: f64 = 1.2;
-
-/// The fault parameter that belongs to a reading; for the eccentricity one component of its change.
-fn change(element: Element, Reading { value, sigma }: Reading, unit: f64, params: &ActuatorParams) -> Reading {
-    let play_per_k2 = 99.0 * params.transmission.backlash;
-    let [value, slope] = match element {
-        Element::Friction => [0.5 * (value / unit - 1.0), 0.5 / unit],
-        Element::Backlash => [(value - unit) / play_per_k2, 1.0 / play_per_k2],
-        Element::TurnsA | Element::TurnsB | Element::TurnsC => [1.0 - value / unit, 1.0 / unit],
-        Element::EccentricityCos | Element::EccentricitySin => [value - unit, 1.0],
-        Element::Gain => [value / unit - 0.5, 1.0 / unit],
-    };
-    Reading {
-        value,
-        sigma: sigma * libm::fabs(slope),
-    }
-}
-
-/// Damage by a change of an element's parameter, as [`FaultId::damage_per_change`].
-fn damage_per_change(element: Element) -> f64 {
-    match element {
-        Element::Gain => FaultId::Gain.damage_per_change(),
-        _ => 1.0,
-    }
-}
-
-/// The parameter of an element that has not changed.
-fn healthy(element: Element) -> f64 {
-    if element == Element::Gain { 0.5 } else { 0.0 }
-}
-
-/// Systematic error of a change that neither its covariance nor the scatter of healthy windows shows.
-struct ModelError {
-    /// Standard deviation as a share of the change.
-    share: f64,
-    /// Standard deviation whatever the change: what other worn parts add.
-    floor: f64,
-}
-
-impl ModelError {
-    /// Systematic errors at a sample rate, Hz.
-    ///
-    /// Friction: what the torque does between the samples, beyond [`Term::SetpointHold`](super::Term::SetpointHold). Gain: the
-    /// differentiated law leaves out current loop, delay and the quantised feedback; twice the root-mean-square error of 1152 windows of the
-    /// suite `robust` at 2 kHz. Others: largest bias over the units of
-    /// `tests/relations_units.rs`, mixed motion, at 400 Hz to 5 kHz. Turns and eccentricity: the share of the window's torque that its
-    /// samples do not show; of turns also the `asymmetry` of the healthy windows that is none of the motor.
-    fn of(element: Element, sample_rate: f64, unseen: f64, asymmetry: f64) -> Self {
-        let slower = 2000.0 / sample_rate;
-        let (share, floor) = match element {
-            Element::Friction => (0.03 * slower, 0.006 * slower),
-            Element::Gain => (0.025 * slower.max(1.0), 0.003 * slower.max(1.0)),
-            Element::Backlash => (0.01, 0.001),
-            Element::TurnsA | Element::TurnsB | Element::TurnsC => (libm::hypot(0.01, unseen), 0.002 + asymmetry),
-            Element::EccentricityCos | Element::EccentricitySin => (libm::hypot(0.01, unseen), 0.002),
-        };
-        Self { share, floor }
-    }
-}
-
-/// What a window needs whose estimate of an element is too uncertain.
-fn needed_for(element: Element) -> Needed {
-    match element {
-        Element::Friction => Needed::LongerMotion,
-        Element::Backlash => Needed::Reversal,
-        Element::TurnsA | Element::TurnsB | Element::TurnsC | Element::EccentricityCos | Element::EccentricitySin => {
-            Needed::MoreCurrent
-        }
-        Element::Gain => Needed::UnsaturatedControl,
-    }
-}
 
 /// Range of the gain factor `0.5 + k8`.
 const MIN_GAIN: f64 = 0.5;

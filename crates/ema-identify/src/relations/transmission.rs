@@ -47,8 +47,8 @@ const COASTING: f64 = 1.5;
 /// Width of the play, rad at the output, and residual of the output angle, rad.
 ///
 /// A rigid gear's output rests in the play. Where that leaves more than `healthy` windows do, a load inertia behind a compliant
-/// gear may coast through it: `deceleration` is that of the actuator by dry friction, rad/s² at the output. `reach_share` is the standard deviation of a
-/// reach as a share of the play, of a gear that bends.
+/// gear may coast through it: `deceleration` is that of the actuator by dry friction, rad/s² at the output. `reach_share` is the standard
+/// deviation of a reach as a share of the play, of a gear that bends.
 #[inline(never)]
 pub(super) fn play_width<S: RecordedSample>(
     window: &MeasuredWindow<'_, S>,

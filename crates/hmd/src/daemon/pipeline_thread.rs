@@ -103,7 +103,8 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
         }
     }
 
-    /// Takes all inputs until every source has ended, then ends the open windows and waits for their assessment. Ends early when the identification thread has ended.
+    /// Takes all inputs until every source has ended, then ends the open windows and waits for their assessment. Ends early when the
+    /// identification thread has ended.
     pub(super) fn run(
         &mut self,
         mut inputs: mpsc::Receiver<Input>,
@@ -147,7 +148,7 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
     /// Tells what an end waits for.
     fn publish_ending(&self, windows: u64, shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {
         let message = format!(
-            "stopping: {} to assess; those left after {} s are dropped",
+            "the run ends: {} to assess; those left after {} s are dropped",
             counted(windows, "window", "windows"),
             ENDING_MAX.as_secs()
         );

@@ -68,6 +68,13 @@ impl Folder {
         ended.stdout
     }
 
+    /// The records of a replay, one a window.
+    pub(crate) fn replayed(&self, arguments: &str) -> Vec<serde_json::Value> {
+        let lines = self.done(&format!("replay {arguments} --json"));
+        let parsed = lines.lines().map(serde_json::from_str);
+        parsed.collect::<Result<_, _>>().expect("lines of JSON")
+    }
+
     /// A command that is refused with a code and one sentence, and prints no record.
     pub(crate) fn refused(&self, line: &str, code: i32) -> String {
         let ended = self.hmd(line);

@@ -4,35 +4,23 @@ use serde_json::Value;
 
 use crate::folder::Folder;
 
-/// Records of `other.log` of the unit that is commissioned by `healthy.log`; both are of this unit, and `other` beside.
-fn records(unit: &str, healthy: &str, other: &str, settings: &str) -> Vec<Value> {
+/// Records of four windows of a unit that twelve healthy windows commissioned. `unit` are its arguments of `simulate`, `configured` the keys of its
+/// actuator and of its type; `worn` is what is new in the four.
+fn records(unit: &str, [actuator, of_type]: [&str; 2], worn: &str, settings: &str) -> Vec<Value> {
     let folder = Folder::new();
-    folder.done(&format!(
-        "simulate {unit} {healthy} --windows 12 --seed 1 -o healthy.log"
-    ));
-    let typed = unit.split_whitespace().skip_while(|word| *word != "--actuator").nth(1);
-    let typed = typed.map_or_else(String::new, |of_type| format!("type = \"{of_type}\"\n"));
-    let rate = unit.split_whitespace().skip_while(|word| *word != "--rate").nth(1);
-    let rate = rate.map_or_else(String::new, |rate| {
-        let of_type = typed.split('"').nth(1).unwrap_or("bench");
-        format!("[type.{of_type}.sensors]\nsample_rate_hz = {rate}\n")
-    });
-    folder.write("type.toml", format!("[[actuator]]\nid = 0\n{typed}{rate}"));
-    folder.done("calibrate healthy.log -c type.toml -o unit.calibration.toml");
-    folder.write(
-        "unit.toml",
-        format!("[[actuator]]\nid = 0\n{typed}calibration = \"unit.calibration.toml\"\n{rate}"),
-    );
-    folder.done(&format!("simulate {unit} {other} --windows 4 --seed 2 -o other.log"));
-    let lines = folder.done(&format!("replay other.log -c unit.toml --json {settings}"));
-    let parsed = lines.lines().map(|line| serde_json::from_str(line).ok());
-    parsed.map(Option::unwrap_or_default).collect()
+    let config = |calibration: &str| format!("[[actuator]]\nid = 0\n{actuator}{calibration}{of_type}");
+    folder.write("new.toml", config(""));
+    folder.write("known.toml", config("calibration = \"unit.toml\"\n"));
+    folder.done(&format!("simulate {unit} --windows 12 --seed 1 -o healthy.log"));
+    folder.done("calibrate healthy.log -c new.toml -o unit.toml");
+    folder.done(&format!("simulate {unit} {worn} --windows 4 --seed 2 -o worn.log"));
+    folder.replayed(&format!("worn.log -c known.toml {settings}"))
 }
 
 #[test]
 fn a_torque_that_nobody_knows_is_not_explained_by_the_noise_of_the_currents() {
     let unit = "--drive vector --with dead_time_s=1.5e-6 --noise 0.05";
-    let found = records(unit, "", "--with cogging_nm=0.2 --with cogging_periods=10", "");
+    let found = records(unit, [""; 2], "--with cogging_nm=0.2 --with cogging_periods=10", "");
     assert_eq!(found.len(), 4);
     for record in found {
         assert_eq!(record["status"], "unmodelled", "{record}");
@@ -42,8 +30,13 @@ fn a_torque_that_nobody_knows_is_not_explained_by_the_noise_of_the_currents() {
 #[test]
 fn a_large_friction_in_few_samples_is_observable() {
     let unit = "--actuator servo28 --drive vector --rate 400 --noise 0.03";
-    let by_relations = "--set identification.method=relations";
-    let found = records(unit, "", "--fault friction=0.8", by_relations);
+    let configured = ["type = \"servo28\"\n", "[type.servo28.sensors]\nsample_rate_hz = 400\n"];
+    let found = records(
+        unit,
+        configured,
+        "--fault friction=0.8",
+        "--set identification.method=relations",
+    );
     // A share of the damage itself: 15 % at this rate.
     let is_wide = |record: &&Value| record["sigma"][0].as_f64().is_some_and(|sigma| sigma > 0.1);
     let wide: Vec<&Value> = found.iter().filter(is_wide).collect();

@@ -7,9 +7,7 @@ use crate::folder::Folder;
 /// Records of a log of simulated actuations, one a window.
 fn replayed(folder: &Folder, actuation: &str) -> Vec<Value> {
     folder.done(&format!("simulate {actuation} --noise 0.03 -o log.mcap"));
-    let lines = folder.done("replay log.mcap --json");
-    let parsed = lines.lines().map(|line| serde_json::from_str(line).ok());
-    parsed.map(Option::unwrap_or_default).collect()
+    folder.replayed("log.mcap")
 }
 
 /// The gear's loss of a load that the output carries against a spring is that of both together, not of each.

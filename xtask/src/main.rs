@@ -9,6 +9,7 @@ mod boot;
 mod can;
 mod ci;
 mod circles;
+mod coverage;
 mod deb;
 mod debian;
 mod deny;
@@ -120,6 +121,8 @@ enum Verb {
     Fuzz,
     /// The same for half an hour each.
     FuzzLong,
+    /// Branches of the modules that a verdict rests on, taken by tests; needs a nightly compiler.
+    Coverage,
     /// Changes to the modules that a verdict rests on, one at a time: whether a test sees them.
     Mutants {
         /// One module alone.
@@ -194,6 +197,7 @@ fn main() -> ExitCode {
         Verb::Fuzz => fuzz::check(false),
         Verb::FuzzLong => fuzz::check(true),
         Verb::Miri => miri::check(),
+        Verb::Coverage => coverage::check(),
         Verb::Mutants { module } => mutants::check(module.as_deref()),
         Verb::Systemd => systemd::check(),
         Verb::Boot => boot::check(),

@@ -18,11 +18,11 @@ const CARGO_MUTANTS: Tool = Tool {
 };
 
 /// A part that a verdict rests on, and what is changed in it.
-struct Module {
-    name: &'static str,
-    package: &'static str,
+pub(crate) struct Module {
+    pub(crate) name: &'static str,
+    pub(crate) package: &'static str,
     /// Its sources, below the package's folder.
-    files: &'static [&'static str],
+    pub(crate) files: &'static [&'static str],
     /// Packages whose tests are run.
     tests: &'static str,
     /// Of these tests, as `cargo test` takes it: all that touch a module whose package has slow tests of other things.
@@ -31,7 +31,7 @@ struct Module {
     one_in: u32,
 }
 
-const MODULES: [Module; 6] = [
+pub(crate) const MODULES: [Module; 6] = [
     Module {
         name: "wire",
         package: "ema-wire",

@@ -7,6 +7,7 @@
 mod estimate;
 mod forecast;
 mod jump;
+mod later_lines;
 mod law;
 mod prognosis;
 mod trend;

@@ -27,12 +27,7 @@ impl<'a> Remaining<'a> {
     #[must_use]
     pub fn new(trend: &'a Trend, rate: UseRate, passed_h: f64) -> Self {
         let weights = trend.weights();
-        let mut laws: Vec<_> = trend
-            .laws
-            .iter()
-            .zip(weights)
-            .filter(|(_, w)| *w > WEIGHT_MIN)
-            .collect();
+        let mut laws: Vec<_> = trend.all_laws().zip(weights).filter(|(_, w)| *w > WEIGHT_MIN).collect();
         let sum: f64 = laws.iter().map(|(_, w)| w).sum();
         for (_, weight) in &mut laws {
             *weight /= sum;

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::estimate::{DISAGREEMENT_SIGMAS, Estimate};
 use super::jump;
+use super::later_lines::{self, LaterLines};
 use super::law::{Clock, Law};
 use super::usage::Odometer;
 
@@ -69,6 +70,9 @@ pub struct Trend {
     pub(super) laws: Vec<Law>,
     /// Number of the slowest exponential: its rate is `RATE_STEP^−number` per hour.
     slowest: Option<i32>,
+    /// Lines that begin later. Older files had none.
+    #[serde(default)]
+    later: LaterLines,
     /// The estimate with which the laws began.
     pub(super) first: Estimate,
     /// Where the laws stand.
@@ -101,6 +105,7 @@ impl Trend {
             start: Vec::new(),
             laws: Vec::new(),
             slowest: None,
+            later: LaterLines::default(),
             first: Estimate::default(),
             laws_at: Odometer::default(),
             last: Odometer::default(),
@@ -120,6 +125,7 @@ impl Trend {
         let variances = |law: &Law| law.covariance[0] >= 0.0 && law.covariance[2] >= 0.0;
         (self.laws.is_empty() || begun)
             && self.laws.iter().all(variances)
+            && self.later.are_possible()
             && self.start.len() < START
             && self.slowest.is_none_or(|number| number.unsigned_abs() <= NUMBER_MAX)
             && self.recent.len() <= JUMP_BEFORE + JUMP_AFTER
@@ -151,6 +157,8 @@ impl Trend {
                 || (self.estimates <= YOUNG && jump::lies_between(&self.recent, JUMP_BEFORE, JUMP_AFTER))
             {
                 self.begin_anew();
+            } else if self.later.are_due(self.estimates) && self.recent.len() >= later_lines::FITTED {
+                self.begin_lines();
             }
             return;
         }
@@ -195,7 +203,7 @@ impl Trend {
         self.add_exponentials(estimate.at.since(&self.first.at).hours);
         let (mut weight, mut inlier, mut squared) = (0.0, 0.0, f64::INFINITY);
         let best = self.best_evidence();
-        for law in &mut self.laws {
+        for law in self.laws.iter_mut().chain(&mut self.later.lines) {
             let w = (law.log_evidence - best).exp();
             law.advance(passed.by_clock(law.clock));
             let (p, s) = law.observe(estimate.damage, estimate.variance);
@@ -205,7 +213,7 @@ impl Trend {
         }
         self.laws_at = estimate.at;
         let best = self.best_evidence();
-        for law in &mut self.laws {
+        for law in self.laws.iter_mut().chain(&mut self.later.lines) {
             law.log_evidence = (law.log_evidence - best).max(-LOG_EVIDENCE_FLOOR);
         }
         self.scatter += (self.scatter * squared.min(SCATTER_CAP) - self.scatter) / SCATTER_MEMORY;
@@ -213,6 +221,14 @@ impl Trend {
         let is_misfit = inlier < 0.5 * weight;
         self.misfits = if is_misfit { self.misfits + 1 } else { 0 };
         self.count_at_end(is_misfit, estimate.damage);
+    }
+
+    /// Begins lines through the newest estimates.
+    fn begin_lines(&mut self) {
+        let best = self.best_evidence();
+        let evidence: f64 = self.all_laws().map(|law| (law.log_evidence - best).exp()).sum();
+        let newest = &self.recent[self.recent.len() - later_lines::FITTED..];
+        self.later.begin(newest, self.estimates, best + evidence.ln());
     }
 
     /// Begins a new trend with the newest estimates: those before a jump tell nothing of what comes.
@@ -264,8 +280,7 @@ impl Trend {
     /// single one may be an outlier. Four have agreed on the one that begins a trend after a jump.
     pub(super) fn damage(&self) -> f64 {
         let mean = |weights: Vec<f64>| {
-            self.laws
-                .iter()
+            self.all_laws()
                 .zip(weights)
                 .map(|(law, weight)| weight * law.damage)
                 .sum()
@@ -285,19 +300,41 @@ impl Trend {
     }
 
     fn best_evidence(&self) -> f64 {
-        self.laws
-            .iter()
+        self.all_laws()
             .map(|law| law.log_evidence)
             .fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// Weights of the laws, which sum to 1, in their order: evidence times what is known beforehand.
+    /// The laws, then the lines that begin later.
+    pub(super) fn all_laws(&self) -> impl Iterator<Item = &Law> {
+        self.laws.iter().chain(&self.later.lines)
+    }
+
+    /// Weights of [`Trend::all_laws`], which sum to 1, in their order; of the lines none counts before all of them have some weight.
+    pub(super) fn weights(&self) -> Vec<f64> {
+        let mut weights = self.relative_weights();
+        let total = |weights: &[f64]| weights.iter().sum::<f64>();
+        let sum = total(&weights);
+        let (_, later) = weights.split_at_mut(self.laws.len());
+        if total(later) < later_lines::WEIGHT_MIN * sum {
+            later.fill(0.0);
+        }
+        let sum = total(&weights);
+        // Slopes beyond the machine's range have no weight that is a number; then nothing is known.
+        let scale = if sum > 0.0 && sum.is_finite() { 1.0 / sum } else { 0.0 };
+        for weight in &mut weights {
+            *weight = if scale > 0.0 { *weight * scale } else { 0.0 };
+        }
+        weights
+    }
+
+    /// What the weights are to each other: evidence times what is known beforehand.
     ///
     /// Beforehand straight growth over hours, straight growth over work and exponential growth are equally likely, the
     /// life is of any order of magnitude, and rate × life of an exponential is anything up to `RATE_LIFE_MAX`. The filters
     /// begin with a wide normal slope v₀ instead; the difference is a factor 1/v₀, and for exponentials
     /// `(1 − e^−κ) d(ln rate) / κ_max` with κ = rate × life.
-    pub(super) fn weights(&self) -> Vec<f64> {
+    fn relative_weights(&self) -> Vec<f64> {
         let since = self.laws_at.since(&self.first.at);
         let best = self.best_evidence();
         let weigh = |law: &Law| {
@@ -318,13 +355,11 @@ impl Trend {
                 evidence
             }
         };
+        let evidence = |law: &Law| (law.log_evidence - best).exp();
         let mut weights: Vec<f64> = self.laws.iter().map(weigh).collect();
-        let sum: f64 = weights.iter().sum();
-        // Slopes beyond the machine's range have no weight that is a number; then nothing is known.
-        let scale = if sum > 0.0 && sum.is_finite() { 1.0 / sum } else { 0.0 };
-        for weight in &mut weights {
-            *weight = if scale > 0.0 { *weight * scale } else { 0.0 };
-        }
+        // What is known beforehand of the laws counts for the lines as for their mean.
+        let prior = weights.iter().sum::<f64>() / self.laws.iter().map(evidence).sum::<f64>();
+        weights.extend(self.later.lines.iter().map(|line| prior * evidence(line)));
         weights
     }
 }

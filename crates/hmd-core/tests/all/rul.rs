@@ -389,3 +389,35 @@ fn growth_that_is_fast_or_ever_faster_is_no_jump() {
         }
     }
 }
+
+/// Growth that begins late, or whose speed changes: the trend is that of the growth there is now.
+#[test]
+fn a_change_of_growth_is_followed() {
+    let late = |from: usize| move |h: f64| 5e-4 * (h - 40.0 * from as f64).max(0.0);
+    let kinked = |from: usize, before: f64, now: f64| {
+        move |h: f64| {
+            let at = 40.0 * from as f64;
+            before * h.min(at) + now * (h - at).max(0.0)
+        }
+    };
+    for from in [3, 6, 10, 15, 20, 33] {
+        let histories: [(&str, Box<dyn Fn(f64) -> f64>, f64); 4] = [
+            ("late", Box::new(late(from)), 5e-4),
+            ("faster", Box::new(kinked(from, 1e-4, 5e-4)), 5e-4),
+            ("slower", Box::new(kinked(from, 3e-4, 1e-4)), 1e-4),
+            ("constant, then late", Box::new(move |h| 0.1 + late(from)(h)), 5e-4),
+        ];
+        for (name, damage, speed) in histories {
+            for (windows, share) in [(from + 20, 0.3), (from + 30, 0.15)] {
+                let hours = |n: usize| 40.0 * n as f64;
+                let truth = (0.8 - damage(hours(windows - 1))) / speed;
+                let history = (0..windows).map(|n| (hours(n), damage(hours(n)) + error(n)));
+                let life = after(history, SIGMA).forecast(1.0).actuator.expect(name).hours;
+                assert!(
+                    (life.p50 / truth - 1.0).abs() < share,
+                    "{name} from {from} after {windows}: {life:?} of {truth}"
+                );
+            }
+        }
+    }
+}

@@ -53,7 +53,9 @@ impl Assessor {
                 made_fit = self
                     .estimate(&mut other, conditions, effort)?
                     .map(|assessed| BySignals {
-                        assessed: assessed.widened(CORRECTED_FACTOR),
+                        assessed: self
+                            .without_gain_by_scale(assessed, &findings)
+                            .widened(CORRECTED_FACTOR),
                         corrected: other,
                         unchecked: false,
                     });
@@ -121,7 +123,9 @@ impl Assessor {
                     corrected = window;
                     as_received
                 }
-                None => assessed.widened(CORRECTED_FACTOR),
+                None => self
+                    .without_gain_by_scale(assessed, &findings)
+                    .widened(CORRECTED_FACTOR),
             };
         }
         if is_learning || !is_doubtful(&assessed.estimate, self.watch_level()) {
@@ -151,6 +155,19 @@ impl Assessor {
             assessed,
             unchecked,
         }))
+    }
+
+    /// Without a gain that is not the healthy one where the output turns by another ratio than the motor: where output angle and set point are
+    /// both logged in a wrong scale, the controller seems to act on so much less or more of their difference.
+    fn without_gain_by_scale(&self, mut assessed: Assessed, findings: &[Finding]) -> Assessed {
+        let is_ratio = |finding: &Finding| matches!(finding.correction, Some(Correction::GearRatio(_)));
+        let estimate = &mut assessed.estimate;
+        if findings.iter().any(is_ratio) && estimate.fault.damage_of(FaultId::Gain) >= self.watch_level() {
+            let gain = FaultId::Gain.parameter();
+            (estimate.observable[gain], estimate.sigma[gain]) = (false, None);
+            assessed.reasons.push(GAIN_OR_SCALE.to_owned());
+        }
+        assessed
     }
 
     /// The set point that is logged before or after its effect.
@@ -215,6 +232,10 @@ impl Assessor {
         Ok(is_better.then_some((as_received, job)))
     }
 }
+
+/// Why a gain is not observable beside another gear ratio.
+const GAIN_OR_SCALE: &str =
+    "the scale of output angle and set point, both, would show so, too: controller gain is not observable";
 
 /// Factor on every sigma of a window from which a mistake was taken out: how large it was is itself an estimate.
 pub(super) const CORRECTED_FACTOR: f64 = 2.0;

@@ -37,3 +37,34 @@ fn a_wide_play_and_a_gear_that_bends_are_no_other_ratio() {
         }
     }
 }
+
+/// A log with output angle and set point in another scale.
+fn scaled(log: &str, scale: f64) -> String {
+    let scaled = |line: &str| {
+        let (before, data) = line.split_once('#')?;
+        let is_angle = before.ends_with(" 101") || before.ends_with(" 102");
+        let angle = is_angle.then(|| u32::from_str_radix(data.get(..8)?, 16).ok())??;
+        let other = (scale * f64::from(angle.swap_bytes() as i32)).round() as i32;
+        Some(format!("{before}#{:08X}{}\n", (other as u32).swap_bytes(), &data[8..]))
+    };
+    log.lines()
+        .map(|line| scaled(line).unwrap_or_else(|| format!("{line}\n")))
+        .collect()
+}
+
+#[test]
+fn a_scale_of_output_angle_and_set_point_is_no_controller_gain() {
+    let folder = Folder::new();
+    let drive = "simulate --drive vector --noise 0.03 --windows";
+    folder.done(&format!("{drive} 6 --seed 3 -o healthy.log"));
+    folder.done("calibrate healthy.log -o unit.toml");
+    folder.write("hmd.toml", "[[actuator]]\nid = 0\ncalibration = \"unit.toml\"\n");
+    folder.done(&format!("{drive} 2 --seed 9 -o later.log"));
+    let later = String::from_utf8(folder.read("later.log")).expect("a log of text");
+    for scale in [0.7, 0.85, 0.9, 1.1, 1.2, 1.3] {
+        folder.write("scaled.log", scaled(&later, scale));
+        let lines = folder.done("replay scaled.log -c hmd.toml --json");
+        assert_eq!(lines.matches("\"faults\":[]").count(), 2, "{scale}: {lines}");
+        assert!(!lines.contains("\"suspects\":[]"), "{scale}: {lines}");
+    }
+}

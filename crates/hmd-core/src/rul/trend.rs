@@ -393,6 +393,51 @@ mod tests {
         assert!(found[13..].iter().all(|ended| *ended), "{found:?}");
     }
 
+    #[test]
+    fn a_stored_trend_that_cannot_have_come_about_is_refused() {
+        let mut trend = Trend::new(0.8);
+        for n in 0..40 {
+            let at = Odometer {
+                hours: f64::from(n),
+                cycles: f64::from(n),
+                work_j: f64::from(n),
+            };
+            trend.update(at, 1e-2 * f64::from(n), 0.005);
+        }
+        assert!(trend.is_possible() && !trend.later.lines.is_empty());
+        let wrong: [(&str, fn(&mut Trend)); 13] = [
+            ("one law", |trend| trend.laws.truncate(1)),
+            ("too many laws", |trend| {
+                let law = trend.laws[2].clone();
+                trend.laws.resize(LAWS_MAX + 1, law);
+            }),
+            ("no straight law", |trend| trend.laws[1].rate = 1.0),
+            ("a negative variance of damage", |trend| {
+                trend.laws[0].covariance[0] = -1.0
+            }),
+            ("a negative variance of slope", |trend| {
+                trend.laws[0].covariance[2] = -1.0
+            }),
+            ("a line that bends", |trend| trend.later.lines[0].rate = 1.0),
+            ("a line of negative variance", |trend| {
+                trend.later.lines[0].covariance[0] = -1.0
+            }),
+            ("a full start", |trend| trend.start = vec![Estimate::default(); START]),
+            ("a rate beyond the machine", |trend| trend.slowest = Some(i32::MIN)),
+            ("too many newest estimates", |trend| {
+                trend.recent.push(Estimate::default())
+            }),
+            ("too many at the end", |trend| trend.misfits_at_end = u32::MAX),
+            ("too many misfits", |trend| trend.misfits = JUMP_AFTER as u32),
+            ("more estimates than any life has", |trend| trend.estimates = u64::MAX),
+        ];
+        for (name, change) in wrong {
+            let mut changed = trend.clone();
+            change(&mut changed);
+            assert!(!changed.is_possible(), "{name}");
+        }
+    }
+
     /// The cost of an update is that of its laws.
     #[test]
     fn laws_are_few_on_every_time_scale() {

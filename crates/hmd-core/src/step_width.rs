@@ -1,7 +1,10 @@
 //! The step of a sensor, from the values that it gave.
 
 /// Values that show a step.
-const VALUES_MIN: usize = 50;
+const VALUES_MIN: usize = 20;
+
+/// Largest probability that values lie on a grid by chance.
+const CHANCE_MAX: f64 = 1e-12;
 
 /// Changes of how many steps there are from sample to sample. Samples of an even motion lie on a grid of their own, whose number is the same
 /// throughout.
@@ -10,14 +13,14 @@ const CHANGES_MIN: usize = 10;
 /// Narrowest step that is told from the resolution, in units of it: below, too many values are near a multiple.
 const STEP_MIN: f64 = 4.0;
 
-/// Largest error of a difference, in units: two values, each off by less than half a unit.
-const ERROR: f64 = 0.999;
+/// Largest error of a difference, in units: two values, each off by half a unit, with what the arithmetic leaves.
+const ERROR: f64 = 1.001;
 
 /// Candidates after which the values lie too far apart for what they span.
 const CANDIDATES_MAX: usize = 100_000;
 
 /// The step of a signal whose values come rounded to whole `unit`s, in the signal's unit: the largest of which all their differences are
-/// multiples, else the unit. 0 where they do not tell, being few or far apart.
+/// multiples, else the unit. 0 where they do not tell: few, so that chance may have done it, far apart, or of an even motion.
 ///
 /// Each difference D to a value of the closest pair is k d ± 1 unit, so d lies between (D − 1)/k and (D + 1)/k: from the nearest value
 /// to the farthest, every k that leaves something of the interval is followed. Derived here.
@@ -37,6 +40,7 @@ pub(crate) fn step_width(values: &[f64], unit: f64) -> f64 {
     distances.sort_by(f64::total_cmp);
     match divisor(&distances[1..]) {
         Divisor::Unknown => 0.0,
+        Divisor::Of(step) if (2.0 * ERROR / step).powi(distances.len() as i32) > CHANCE_MAX => 0.0,
         Divisor::Of(step) if is_even(&values, step) => 0.0,
         Divisor::Of(step) => step * unit,
         Divisor::None => unit,
@@ -135,6 +139,8 @@ mod tests {
                 );
             }
         }
+        // Few values of a wide step.
+        assert_step(&motion(400, 1500.0, 50.0), 1.0, 50.0, "30 values");
         // Of 12 bit and 16 A, in mA.
         let currents: Vec<f64> = motion(400, 8_000.0, 7.8125)
             .iter()
@@ -146,9 +152,9 @@ mod tests {
     #[test]
     fn an_even_motion_and_few_values_tell_no_step() {
         let even: Vec<f64> = (0..400).map(|n| (475.3 * f64::from(n)).round()).collect();
-        assert_eq!(step_width(&[vec![0.0; 100], even].concat(), 1.0), 0.0);
-        assert_eq!(step_width(&[0.0; 400], 1.0), 0.0, "it stands");
-        assert_eq!(step_width(&motion(400, 40.0, 1.0), 1.0), 0.0, "few");
+        assert!(step_width(&[vec![0.0; 100], even].concat(), 1.0).abs() < f64::EPSILON);
+        assert!(step_width(&[0.0; 400], 1.0).abs() < f64::EPSILON, "it stands");
+        assert!(step_width(&motion(400, 15.0, 1.0), 1.0).abs() < f64::EPSILON, "few");
         for odd in [f64::NAN, f64::INFINITY, f64::MAX] {
             let _ = step_width(&[motion(400, 4000.0, 1.0), vec![odd, -odd]].concat(), 1.0);
         }

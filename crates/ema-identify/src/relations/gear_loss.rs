@@ -46,7 +46,7 @@ impl GearLossSigma {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "std"))]
 mod tests {
     use ema_models::ActuatorParams;
 

@@ -4,10 +4,11 @@
 mod relations_units;
 
 use ema_identify::relations::{
-    BalanceShape, CommissionError, MeasuredWindow, Needed, RelationsEstimate, Term, commission,
+    BalanceShape, CommissionError, GearLossSigma, MeasuredWindow, Needed, RelationsEstimate, SinceCommissioning, Term,
+    commission,
 };
 use ema_models::reference::{Actuations, Scenario};
-use ema_models::{FAULT_COUNT, FaultVector, Profile};
+use ema_models::{FAULT_COUNT, FaultVector, Profile, Tolerances};
 use relations_units::{FAULTS, UNITS, Unit, simulated};
 
 /// Largest error of a damaged parameter, and of one that is not: the largest seen on these windows is 0.02 (gain 0.7)
@@ -200,6 +201,49 @@ fn a_window_says_what_it_would_have_needed() {
         let nothing = learnt.estimate(&MeasuredWindow::new(&params, &samples[..bad], &[]));
         assert_eq!(nothing.observable(), [false; FAULT_COUNT]);
     }
+}
+
+/// A load that nobody measures, and gears that lose less or more under it than the type's: there and back friction is off by what its sigma
+/// says, which is then no observation; one way it is not shown.
+#[test]
+fn friction_under_an_unmeasured_load_is_off_by_its_sigma() {
+    let unit = &UNITS[0];
+    let (params, learnt) = (unit.params(), unit.learnt());
+    let since = SinceCommissioning {
+        gear_loss_sigma: GearLossSigma::new(&params.transmission, &Tolerances::USUAL),
+        ..SinceCommissioning::default()
+    };
+    let loaded = |profile: Profile, load: f64, [opposing, aiding]: [f64; 2]| {
+        let mut scenario = Scenario {
+            actuations: Actuations::single(profile),
+            ..unit.scenario(FaultVector::NOMINAL, 401)
+        };
+        for (name, value) in [
+            ("unmeasured_load_nm", load),
+            ("opposing_efficiency_deviation", opposing),
+            ("aiding_efficiency_deviation", aiding),
+        ] {
+            scenario.effects.set(name, value).expect("a value within its limits");
+        }
+        let samples: Vec<_> = scenario.run().collect();
+        learnt.estimate(&MeasuredWindow::new(&params, &samples, &[]).with(since))
+    };
+    let gears = [[0.1, 0.1], [0.1, -0.1], [-0.1, 0.1], [-0.1, -0.1]];
+    for load in [100.0, -100.0] {
+        let found = gears.map(|gear| loaded(Profile::Mixed, load, gear));
+        let squares = found
+            .iter()
+            .map(|found| (found.k[0] / found.sigma[0].expect("friction")).powi(2));
+        let off = (squares.sum::<f64>() / gears.len() as f64).sqrt();
+        assert!((0.4..1.2).contains(&off), "{off}: {found:?}");
+        assert!(found.iter().all(|found| !found.observable()[0]), "{found:?}");
+        for gear in gears {
+            let one_way = loaded(Profile::Ramp, load, gear);
+            assert_eq!((one_way.k[0], one_way.sigma[0]), (0.0, None), "{one_way:?}");
+        }
+    }
+    let light = loaded(Profile::Mixed, 0.0, gears[0]);
+    assert!(light.observable()[0] && light.k[0].abs() < 0.03, "{light:?}");
 }
 
 #[test]

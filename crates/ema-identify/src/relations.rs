@@ -33,6 +33,7 @@ mod current_noise;
 #[cfg(feature = "std")]
 mod curves;
 mod elements;
+mod gear_loss;
 mod hidden_torque;
 mod jackknife;
 mod kernel;
@@ -57,6 +58,7 @@ pub use compliance::Compliance;
 #[cfg(feature = "std")]
 pub use curves::{Curve, CurvePoint};
 pub use elements::{ELEMENT_COUNT, Element, Needed, Reading};
+pub use gear_loss::{Directions, GearLossSigma};
 pub use kernel::Kernel;
 pub use measured::{MeasuredWindow, SinceCommissioning, WindingTemp};
 pub use residual::{HealthyResidual, RELATION_COUNT, Relation};

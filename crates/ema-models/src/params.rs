@@ -178,6 +178,9 @@ impl core::error::Error for ParamsError {}
 /// point says little about the currents, and the monitor's work grows with it.
 const CONTROL_TURN_MAX: f64 = 8.0;
 
+/// Shortest control period, s.
+const PERIOD_MIN: f64 = 10e-6;
+
 /// Integration step of the reference, s; control and sample periods are whole multiples of it.
 pub const REFERENCE_STEP: f64 = 1e-6;
 
@@ -347,7 +350,7 @@ impl ActuatorParams {
             ("transmission.friction_dynamic", t.friction_dynamic, 0.0, 1e4),
             ("transmission.friction_static", t.friction_static, 0.0, 1e4),
             ("transmission.backlash", t.backlash, 0.0, 0.01),
-            ("controller.period", c.period, 10e-6, 10e-3),
+            ("controller.period", c.period, PERIOD_MIN, 10e-3),
             ("controller.g_p", c.g_p, 1e-3, 1e7),
             ("controller.k_p", c.k_p, 0.0, 1e5),
             ("controller.k_i", c.k_i, 0.0, 1e7),
@@ -378,12 +381,21 @@ impl ActuatorParams {
                 });
             }
         }
+        // No control period is short enough.
+        let omega_max = CONTROL_TURN_MAX / (m.pole_pairs * PERIOD_MIN);
+        if c.omega_max > omega_max {
+            return Err(ParamsError {
+                field: "controller.omega_max",
+                got: c.omega_max,
+                expected: Expected::Within(1e-2, omega_max),
+            });
+        }
         let period_max = CONTROL_TURN_MAX / (m.pole_pairs * c.omega_max);
         if c.period > period_max {
             return Err(ParamsError {
                 field: "controller.period",
                 got: c.period,
-                expected: Expected::Within(10e-6, period_max),
+                expected: Expected::Within(PERIOD_MIN, period_max),
             });
         }
         if t.friction_static < t.friction_dynamic {

@@ -42,9 +42,6 @@ pub use models::{
     AssessError, Models, ReadText, TypeModel, check_serial, hash_of_parameters, hash_of_type, model_hash,
 };
 
-/// What the reason of a window says of a type without calibration, behind its name.
-pub(crate) const NOT_CALIBRATED: &str = "is not calibrated";
-
 /// Assesses the windows of all actuators, in the order in which they come.
 #[derive(Debug)]
 pub struct Assessor {
@@ -83,6 +80,8 @@ pub struct AssessedWindow {
     pub sensors: record::Sensors,
     /// Sensors, wires and configured numbers that may be wrong; the reasons of the records hold their sentences.
     pub suspects: Vec<Suspect>,
+    /// Whether its type is calibrated, or its unit commissioned.
+    pub is_calibrated: bool,
     /// Damage that the window shows, whether or not it counts: while a unit is learnt it does not.
     pub damage_evidence: Option<DamageEvidence>,
     /// What a deadline left of the identification, where it left less than all.
@@ -189,6 +188,8 @@ impl Assessor {
         if assessed.is_none() && is_short {
             reasons.push(format!("deadline of {} ms: not identified", limit.deadline_ms));
         }
+        let of_type = self.models.of_type(&job.actuator.type_name)?;
+        let is_calibrated = of_type.calibrated || self.knows_unit(&job.actuator);
         let mut fit = Fit::default();
         let mut found = None;
         if let Some(assessed) = assessed {
@@ -200,9 +201,8 @@ impl Assessor {
             if let Some(log) = &job.actuator.log {
                 reasons.extend(log.gaps().map(|gap| gap.to_string()));
             }
-            let of_type = self.models.of_type(&job.actuator.type_name)?;
-            if !self.knows_unit(&job.actuator) && !of_type.calibrated {
-                reasons.push(format!("type {} {NOT_CALIBRATED}", of_type.calibration.actuator_type));
+            if !is_calibrated {
+                reasons.push(format!("type {} is not calibrated", of_type.calibration.actuator_type));
             }
             reasons.extend(learning.map(str::to_owned));
             reasons.extend(assessed.reasons);
@@ -277,6 +277,7 @@ impl Assessor {
             sensors: sensors_record(&job, &sensors),
             rul,
             suspects,
+            is_calibrated,
             damage_evidence: damage,
             shortened: is_short.then(|| shortened_record(&job, limit, found.as_ref())),
             in_a_row,

@@ -42,6 +42,7 @@ pub mod seed;
 pub mod sensor_checks;
 pub mod sensor_health;
 pub mod setting;
+mod step_width;
 pub mod talker;
 pub mod timestamp;
 pub mod type_of_units;

@@ -2,8 +2,10 @@
 
 use ema_identify::unit_calibration::Motion;
 use ema_models::{FRICTION_TEMPERATURE_SPAN_K, SensedSample};
+use ema_wire::quantity::current_a;
 
 use crate::outbox::WindowJob;
+use crate::step_width::step_width;
 
 /// Conditions and motion of a window, to be compared with those of commissioning.
 #[must_use]
@@ -17,34 +19,22 @@ pub(crate) fn motion_of(job: &WindowJob) -> Motion {
     }
 }
 
-/// Steps of currents, A, motor and output angle, counts, among the samples that were measured.
+/// Steps of currents, A, motor and output angle, counts, by the samples that were measured.
 fn steps(job: &WindowJob) -> [f64; 3] {
     let window = &job.window;
-    let all = window.samples.iter().enumerate();
-    let measured = || {
-        all.clone()
-            .filter(|(n, _)| window.filled.binary_search(n).is_err())
-            .map(|(_, sample)| sample)
+    let of = |signal: &dyn Fn(&SensedSample) -> f64, unit: f64| {
+        let all = window.samples.iter().enumerate();
+        let measured = all.filter(|(n, _)| window.filled.binary_search(n).is_err());
+        let values: Vec<f64> = measured.map(|(_, sample)| signal(sample)).collect();
+        step_width(&values, unit)
     };
+    let of_phases = [0, 1, 2].map(|phase| of(&|sample| sample.currents[phase], current_a(1)));
+    let of_currents = of_phases.into_iter().filter(|step| *step > 0.0).reduce(f64::min);
     [
-        least_step(measured().flat_map(|sample| sample.currents).collect()),
-        least_step(measured().map(|sample| sample.motor_counts as f64).collect()),
-        least_step(measured().map(|sample| sample.output_counts as f64).collect()),
+        of_currents.unwrap_or(0.0),
+        of(&|sample| sample.motor_counts as f64, 1.0),
+        of(&|sample| sample.output_counts as f64, 1.0),
     ]
-}
-
-/// Values that show the smallest difference between them.
-const VALUES_MIN: usize = 50;
-
-/// Smallest difference between values; 0 where there are few.
-fn least_step(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.dedup();
-    if values.len() < VALUES_MIN {
-        return 0.0;
-    }
-    let steps = values.windows(2).map(|two| two[1] - two[0]);
-    steps.fold(f64::INFINITY, f64::min)
 }
 
 /// Speed from which on friction has the sign of a direction, rad/s, and time for which it must last, s.
@@ -98,19 +88,4 @@ pub(crate) fn friction_torque_sigma(job: &WindowJob, commissioned_deg_c: Option<
     let dry = tolerances.friction_temperature * job.params.transmission.friction_dynamic;
     let viscous = tolerances.viscous_temperature * job.params.motor.c * mean_speed(job);
     dry.hypot(viscous) * beyond(range, found) / FRICTION_TEMPERATURE_SPAN_K
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_step_of_a_signal_is_the_smallest_difference_of_its_values() {
-        let values = |step: f64| (0..400).map(|n| step * f64::from(n % 97)).collect::<Vec<f64>>();
-        for step in [1.0, 50.0] {
-            let found = least_step([values(step), vec![0.0; 20]].concat());
-            assert!((found - step).abs() < 1e-9, "{found}");
-        }
-        assert!(least_step(vec![0.0; 400]).abs() < f64::EPSILON, "it stands");
-    }
 }

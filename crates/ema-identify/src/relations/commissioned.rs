@@ -8,6 +8,7 @@ use super::between_samples::coarse_torque_error;
 use super::change::{ModelError, change, healthy, needed_for};
 use super::controller::{LawKnowledge, gain_ratio};
 use super::elements::{ELEMENT_COUNT, Element, ElementReadings, Needed, Reading};
+use super::gear_loss::Directions;
 use super::hidden_torque::unseen_share;
 use super::measured::MeasuredWindow;
 use super::output_load::OutputLoad;
@@ -18,7 +19,7 @@ use super::shorted_loop::ShortedShare;
 use super::terms::Term;
 use super::torque_balance::{BalanceCoefficients, TorqueBalance, Turns, torque_balance};
 use super::transmission::{REACH_SHARE, REACH_SHARE_BENDING, play_width};
-use crate::estimate::{OBSERVABLE_SIGMA, damage_per_change};
+use crate::estimate::{OBSERVABLE_SIGMA, beside, damage_per_change};
 use crate::monitor_fit::RecordedSample;
 
 /// What the healthy windows of a unit have in common.
@@ -163,10 +164,13 @@ impl RelationsEstimate {
         self.residual_share[relation as usize] < 1.0
     }
 
-    /// Whether the window shows each parameter.
+    /// Whether the sigma of each damage is at most 0.1, without what grows with the damage and what comes from a bridge.
     #[must_use]
     pub fn observable(&self) -> [bool; FAULT_COUNT] {
-        self.sigma.map(|sigma| sigma.is_some())
+        core::array::from_fn(|n| {
+            let part = libm::hypot(self.share[n], self.bridge_spread[n]);
+            self.sigma[n].is_some_and(|sigma| damage_per_change(n) * beside(sigma, part) <= OBSERVABLE_SIGMA)
+        })
     }
 }
 
@@ -328,14 +332,15 @@ impl CommissionedRelations {
     }
 
     /// One standard deviation of k1 by what the gear loses under the load that a window shows beyond those of commissioning and beyond the
-    /// measured one: `½ σ_T/T_d` with `σ_T = σ M/(2 n)`, σ that of the loss as a share of the load's torque at the motor, which opposes one
-    /// half of a motion there and back. 0 where the load of commissioning is not known.
+    /// measured one. Motion in one direction shows no friction. 0 where the load of commissioning is not known.
     fn friction_by_load<S: RecordedSample>(&self, load: &OutputLoad, window: &MeasuredWindow<'_, S>) -> f64 {
         let since = window.since();
         let Some(known) = self.output_load else { return 0.0 };
         let beyond = load.mean_magnitude(&window.travel()) - known.max(libm::fabs(since.measured_load.unwrap_or(0.0)));
-        let torque = 0.5 * since.gear_loss_sigma * beyond.max(0.0) / window.params().transmission.gear_ratio;
-        0.5 * torque / self.balance.of(Term::DryFriction).max(f64::MIN_POSITIVE)
+        let gear_ratio = window.params().transmission.gear_ratio;
+        let dry_friction = self.balance.of(Term::DryFriction);
+        let sigma = &since.gear_loss_sigma;
+        sigma.of_friction(beyond, Directions::Both, gear_ratio, dry_friction)
     }
 
     /// Whether a load may have held the output at one flank of its play.

@@ -5,6 +5,7 @@ use core::ops::Range;
 
 use ema_models::{ActuatorParams, MotorParams, Real, SensedSample, Setpoint, temperature_factors};
 
+use super::gear_loss::GearLossSigma;
 use crate::monitor_fit::RecordedSample;
 
 /// A window of consecutive samples, its counters on one wrap.
@@ -55,8 +56,8 @@ pub struct SinceCommissioning {
     pub is_other_rate: bool,
     /// Load torque at the output, Nm, where it is measured.
     pub measured_load: Option<f64>,
-    /// One standard deviation of the torque that the gear loses under a load, as a share of that load's torque at the motor.
-    pub gear_loss_sigma: f64,
+    /// How well it is known what the gear loses under a load.
+    pub gear_loss_sigma: GearLossSigma,
 }
 
 /// Measured quantities of one sample.

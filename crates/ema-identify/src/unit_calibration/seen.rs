@@ -28,7 +28,7 @@ pub struct Motion {
     pub is_speed_mode: bool,
     /// Sampling rate, Hz.
     pub sample_rate_hz: f64,
-    /// Smallest differences between values of currents, A, of the motor's angle, and of the output's, counts; 0 where none is known.
+    /// Steps of currents, A, of the motor's angle, and of the output's, counts; 0 where none is known.
     pub steps: [f64; 3],
     /// Whether the output angle is measured; else it is that of the motor behind a rigid gear.
     pub has_output_angle: bool,
@@ -89,8 +89,8 @@ pub struct Seen {
     /// Sampling rate, Hz; older files had none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sample_rate_hz: Option<f64>,
-    /// Smallest differences between values of currents, A, of the motor's angle, and of the output's, counts; 0 where none is known, as in
-    /// older files.
+    /// Steps of currents, A, of the motor's angle, and of the output's, counts; 0 where none is known. Older files have the smallest
+    /// differences between values.
     #[serde(default)]
     pub steps: [f64; 3],
     /// Whether no output angle was measured.

@@ -112,7 +112,7 @@ pub fn estimate_by_relations(unit: &UnitRelations, window: &AlignedWindow<'_>, i
         },
         sigma,
         share: found.share,
-        observable: sigma.map(|sigma| sigma.is_some()),
+        observable: found.observable(),
         cost: cost.max(least),
         residual_rms_a: found.torque_residual_rms / motor.torque_gain(),
         evaluations: 0,

@@ -250,4 +250,9 @@ fn a_motor_that_turns_far_in_a_control_period_takes_more_steps() {
     let mut beyond = ActuatorParams::bench();
     (beyond.motor.pole_pairs, beyond.controller.period) = (50.0, 1e-3);
     assert_eq!(beyond.checked().map_err(|e| e.field), Err("controller.period"));
+    // No control period is short enough for it.
+    beyond.controller.omega_max = 5e4;
+    let refused = beyond.checked().map_err(|e| e.to_string());
+    let expected = "controller.omega_max = 50000: expected a number from 0.01 to 16000";
+    assert_eq!(refused, Err(expected.to_owned()));
 }

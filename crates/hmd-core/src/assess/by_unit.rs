@@ -154,7 +154,7 @@ pub(super) fn estimate(
         };
     }
     // After the factors, which know neither efficiency nor lubricant.
-    found = found.with_sigma_in(&[FaultId::Friction], friction_sigma(job, &unit.seen));
+    found = found.with_sigma_in(&[FaultId::Friction], friction_sigma(job, unit));
     if is_interpolated(job) {
         found = found.with_sigma_in(&OF_THE_ROTOR, interpolation_sigma(&job.params));
     }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use ema_models::FaultId;
 
 use super::CommissioningError;
-use crate::assess::{AssessedWindow, NOT_CALIBRATED};
+use crate::assess::AssessedWindow;
 use crate::config::ActuatorConfig;
 use crate::health::{Levels, significance};
 use crate::record::WindowStatus;
@@ -33,7 +33,7 @@ impl SeenByType {
             damage: FaultId::ALL.map(|fault| evidence.and_then(|evidence| evidence.damage_and_sigma(fault))),
             suspects: assessed.suspects.clone(),
             is_unmodelled: assessed.health.status == WindowStatus::Unmodelled.name(),
-            is_of_calibrated_type: !assessed.health.reason.contains(NOT_CALIBRATED),
+            is_of_calibrated_type: assessed.is_calibrated,
             window: assessed.health.window,
             reason: assessed.health.reason.clone(),
         }

@@ -16,6 +16,9 @@ const FRAMES_MAX: usize = 1 << 18;
 /// Most intervals wanted at once; a further one extends the last.
 const INTERVALS_MAX: usize = 64;
 
+/// Newest captures whose times are known.
+const CAPTURES_MAX: usize = 64;
+
 /// How much longer than a window and what is stored before it a frame waits in any case, ns: time for an operator to ask for it.
 const SPARE_NS: u64 = 5_000_000_000;
 
@@ -61,8 +64,8 @@ pub(super) struct Capture {
     unassessed: Vec<u64>,
     /// Newest stamp of which frames are no longer there, UTC ns.
     gone_ns: u64,
-    /// Stamps of the first and last frame of the newest capture, UTC ns.
-    captured_ns: (u64, u64),
+    /// Stamps of the first and last frame of the newest captures, UTC ns, oldest first.
+    captured_ns: VecDeque<(u64, u64)>,
     /// Frames not written, oldest first.
     waiting: VecDeque<RawFrame>,
     wanted: Vec<Wanted>,
@@ -81,7 +84,7 @@ impl Capture {
             held_ns: ns(held_s(config)),
             unassessed: Vec::new(),
             gone_ns: now_ns,
-            captured_ns: (u64::MAX, 0),
+            captured_ns: VecDeque::new(),
             waiting: VecDeque::new(),
             wanted: Vec::new(),
             open: false,
@@ -119,7 +122,8 @@ impl Capture {
         why: String,
         put: Put<'_>,
     ) -> Result<Found, RecordError> {
-        let is_captured = self.captured_ns.0 <= from_ns && to_ns <= self.captured_ns.1;
+        let holds = |&(first_ns, last_ns): &(u64, u64)| first_ns <= from_ns && to_ns <= last_ns;
+        let is_captured = self.captured_ns.iter().any(holds);
         let found = if from_ns > self.gone_ns || is_captured {
             Found::All
         } else {
@@ -177,7 +181,10 @@ impl Capture {
             left -= unwanted;
             self.open = true;
             let stamp_ns = self.waiting.front().map_or(0, |frame| frame.stamp_ns);
-            self.captured_ns.0 = stamp_ns;
+            if self.captured_ns.len() == CAPTURES_MAX {
+                self.captured_ns.pop_front();
+            }
+            self.captured_ns.push_back((stamp_ns, stamp_ns));
             let why = self
                 .wanted
                 .iter()
@@ -185,7 +192,9 @@ impl Capture {
             put(Step::Begin(why.map_or("", |wanted| &wanted.why)))?;
         }
         for frame in self.waiting.drain(..left) {
-            self.captured_ns.1 = frame.stamp_ns;
+            if let Some(newest) = self.captured_ns.back_mut() {
+                newest.1 = frame.stamp_ns;
+            }
             put(Step::Frame(&frame))?;
         }
         Ok(())
@@ -359,6 +368,26 @@ mod tests {
         let put: Vec<u32> = bench.put.iter().flatten().map(|(frame, _)| *frame).collect();
         assert_eq!(put, (70..=105).collect::<Vec<u32>>());
         assert!(bench.capture.unassessed.is_empty());
+    }
+
+    #[test]
+    fn frames_of_earlier_captures_are_still_there() {
+        let mut bench = Bench::new();
+        let at = |n: u64| START + n * 100 * MS;
+        let mut found = Vec::new();
+        for n in 0..100 * (CAPTURES_MAX as u64 + 2) {
+            bench.push(at(n));
+            if n % 100 == 55 {
+                found.push(bench.want(at(n - 5), at(n)));
+            }
+        }
+        assert!(found.iter().all(|found| *found == Found::All));
+        for capture in [0, 2, 40, CAPTURES_MAX as u64] {
+            let middle = 100 * capture + 52;
+            let expected = if capture < 2 { Found::NotAll } else { Found::All };
+            assert_eq!(bench.want(at(middle), at(middle)), expected, "capture {capture}");
+        }
+        assert_eq!(bench.want(at(110), at(110)), Found::NotAll, "between two");
     }
 
     #[test]

@@ -133,14 +133,24 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
             if !std::mem::replace(&mut is_told, true) {
                 self.publish_ending(windows.unassessed(), &mut lock(shared), observer)?;
             }
-            let stamp_ns = self.clock.utc_ns();
-            self.take(
-                &mut vec![Input::Tick { stamp_ns }],
-                self.clock.now(),
-                windows,
-                shared,
-                observer,
-            )?;
+            self.tick_ending(windows, shared, observer)?;
+        }
+        Ok(())
+    }
+
+    /// A tick while the last windows are assessed. The sources are closed: that no samples come makes no actuator `STALE`.
+    pub(super) fn tick_ending(
+        &mut self,
+        windows: &WindowQueue,
+        shared: &Mutex<Shared>,
+        observer: &impl Observer,
+    ) -> Result<(), DaemonError> {
+        self.queued = (0, windows.len() as u64);
+        let stamp_ns = self.clock.utc_ns();
+        let mut shared = lock(shared);
+        self.tend_records(stamp_ns, &mut shared, observer)?;
+        if windows.busy_for() < self.assessing_max {
+            observer.heartbeat();
         }
         Ok(())
     }
@@ -351,15 +361,26 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
                 }
                 self.publish_stale(stamp_ns, shared, observer)?;
                 self.take_requests(stamp_ns, shared, observer)?;
-                shared.with_capture(|capture, put| capture.tick(stamp_ns, put))?;
-                self.tend_storage(stamp_ns, shared, observer)?;
-                if self.ticks.is_multiple_of(STATUS_TICKS) || shared.health_changed {
-                    shared.health_changed = false;
-                    self.write_status(stamp_ns, shared, observer)?;
-                }
-                self.ticks += 1;
+                self.tend_records(stamp_ns, shared, observer)?;
             }
         }
+        Ok(())
+    }
+
+    /// What a tick does for captures and storage, with a status record where it is time for one.
+    fn tend_records(
+        &mut self,
+        stamp_ns: u64,
+        shared: &mut Shared,
+        observer: &impl Observer,
+    ) -> Result<(), DaemonError> {
+        shared.with_capture(|capture, put| capture.tick(stamp_ns, put))?;
+        self.tend_storage(stamp_ns, shared, observer)?;
+        if self.ticks.is_multiple_of(STATUS_TICKS) || shared.health_changed {
+            shared.health_changed = false;
+            self.write_status(stamp_ns, shared, observer)?;
+        }
+        self.ticks += 1;
         Ok(())
     }
 

@@ -130,8 +130,7 @@ impl<'a, C: HostClock, O: Observer> Steps<'a, C, O> {
         while !self.windows.is_over(self.clock.now()) && self.assess()? {
             if self.clock.now() >= ticked + TICK {
                 ticked = self.clock.now();
-                let stamp_ns = self.clock.utc_ns();
-                self.take(&mut vec![Input::Tick { stamp_ns }])?;
+                self.pipeline.tick_ending(&self.windows, &self.shared, self.observer)?;
             }
         }
         Ok(())

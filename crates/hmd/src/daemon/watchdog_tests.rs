@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
+use super::freshness::STALE_AFTER;
 use super::host_clock::SteadyClock;
 use super::steps::Steps;
 use super::{ENDING_MAX, Observer, WaitingWindow, lock};
@@ -160,6 +161,8 @@ fn an_end_that_waits_for_windows_ticks_and_drops_what_is_left() {
         ..
     } = &mut steps;
     assert!(windows.pop().is_some());
+    // Its last sample is old before the run has ended.
+    std::thread::sleep(STALE_AFTER.saturating_sub(Duration::from_secs(1)));
     let (sources, inputs) = mpsc::channel(1);
     drop(sources);
     std::thread::scope(|scope| {
@@ -183,4 +186,5 @@ fn an_end_that_waits_for_windows_ticks_and_drops_what_is_left() {
         told.iter().all(|told| notices.iter().any(|notice| notice == told)),
         "{notices:?}"
     );
+    assert!(!notices.iter().any(|notice| notice.contains("STALE")), "{notices:?}");
 }

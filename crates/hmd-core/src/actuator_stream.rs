@@ -25,13 +25,14 @@ use ema_wire::{
 
 use crate::config::{ActuatorConfig, Config};
 use crate::dbc::{DecodedUpdate, Role};
+use crate::history::RunEnd;
 use crate::log_map::{LogMap, Quantity};
 use crate::outbox::{AssembledSample, Notice, Outbox, WindowJob};
 use crate::sample::{MeasuredConditions, SampleRate};
 use crate::window::{TimedSample, Window, WindowConfig, Windower};
 use numbering::Numbering;
 use rate::{RateState, Settled};
-use windowing::{Continued, Windowing, unseen_notice};
+use windowing::{Windowing, unseen_notice};
 
 /// Times further apart than this are a pause where nothing counts the samples.
 const PAUSE_NS: u64 = 500_000_000;
@@ -54,7 +55,7 @@ pub struct ActuatorStream {
     numbering: Numbering,
     counts: StreamCounts,
     /// What windows go on with that are cut anew.
-    continued: Continued,
+    continued: RunEnd,
     /// The traffic ended, so that a counter that goes back is no device that restarted.
     is_ended: bool,
     windowing: Windowing,
@@ -89,7 +90,7 @@ impl ActuatorStream {
             conditions: MeasuredConditions::default(),
             numbering: Numbering::default(),
             counts: StreamCounts::default(),
-            continued: Continued::default(),
+            continued: RunEnd::default(),
             is_ended: false,
             windowing: Windowing::Waiting,
         }
@@ -225,7 +226,7 @@ impl ActuatorStream {
         self.conditions = MeasuredConditions::default();
         self.rate = RateState::new();
         self.windowing = Windowing::Waiting;
-        self.continued = Continued::default();
+        self.continued = RunEnd::default();
     }
 
     fn nominal_hz(&self) -> f64 {
@@ -259,12 +260,12 @@ impl ActuatorStream {
         self.cut_anew();
     }
 
-    /// Time of operation so far, s.
+    /// What it has shown so far.
     #[must_use]
-    pub fn operated_s(&self) -> f64 {
+    pub fn run_end(&self) -> RunEnd {
         match &self.windowing {
-            Windowing::Ready(ready) => ready.continued().operated_s,
-            Windowing::Waiting | Windowing::Refused => self.continued.operated_s,
+            Windowing::Ready(ready) => ready.continued(),
+            Windowing::Waiting | Windowing::Refused => self.continued,
         }
     }
 

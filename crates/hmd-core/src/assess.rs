@@ -54,6 +54,17 @@ pub struct Assessor {
     counts: WindowCounts,
 }
 
+/// What is done about a unit that is to be learnt.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum LearningProgress {
+    /// It is known, or is not to be learnt.
+    None,
+    /// It is being learnt: for this reason health is unknown, and no damage counts.
+    Learns(String),
+    /// For this reason it is not learnt yet: it is assessed as a unit that is not commissioned.
+    Waits(String),
+}
+
 /// Windows by status.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct WindowCounts {
@@ -156,11 +167,11 @@ impl Assessor {
     /// # Errors
     /// [`AssessError`] when the configuration cannot be used at all; a bad window is a record, not an error.
     pub fn assess(&mut self, job: WindowJob) -> Result<AssessedWindow, AssessError> {
-        self.assess_within(job, &TimeLimit::none(), None)
+        self.assess_within(job, &TimeLimit::none(), &LearningProgress::None)
     }
 
-    /// The same with the work that a limit grants; for a unit that is being learnt, too: for the reason `learning` health is unknown,
-    /// and no damage counts. The same job, seed, history and grants give the same records.
+    /// The same with the work that a limit grants, and for a unit that is to be learnt. The same job, seed, history and grants give the same
+    /// records.
     ///
     /// # Errors
     /// As [`Assessor::assess`].
@@ -168,8 +179,9 @@ impl Assessor {
         &mut self,
         mut job: WindowJob,
         limit: &TimeLimit<'_>,
-        learning: Option<&str>,
+        progress: &LearningProgress,
     ) -> Result<AssessedWindow, AssessError> {
+        let is_learning = matches!(progress, LearningProgress::Learns(_));
         if self.is_outdated(&job.actuator, job.window.t_start_ns) {
             let name = &job.actuator.name;
             self.models.remove_unit(name);
@@ -183,7 +195,7 @@ impl Assessor {
             suspects,
             mut reasons,
             unchecked,
-        } = self.explain(&mut job, learning.is_some(), &limit.effort)?;
+        } = self.explain(&mut job, is_learning, &limit.effort)?;
         let is_short = limit.effort.is_short();
         if assessed.is_none() && is_short {
             reasons.push(format!("deadline of {} ms: not identified", limit.deadline_ms));
@@ -204,7 +216,9 @@ impl Assessor {
             if !is_calibrated {
                 reasons.push(format!("type {} is not calibrated", of_type.calibration.actuator_type));
             }
-            reasons.extend(learning.map(str::to_owned));
+            if let LearningProgress::Learns(reason) = progress {
+                reasons.push(reason.clone());
+            }
             reasons.extend(assessed.reasons);
             reasons.extend(estimate.competing_optimum.map(|other| ambiguous(&estimate, &other)));
             if is_short && (estimate.cut || unchecked) {
@@ -215,6 +229,9 @@ impl Assessor {
             }
             found = Some(estimate);
         }
+        if let LearningProgress::Waits(reason) = progress {
+            reasons.push(reason.clone());
+        }
         // A fault vector that does not explain the data is no estimate.
         let explained = found.as_ref().filter(|estimate| !estimate.is_unmodelled());
         let levels = *self.config.health().levels();
@@ -224,7 +241,10 @@ impl Assessor {
         let shown = damage.map_or([None; FaultId::COUNT], |damage| damage.shown(&levels));
         let damage = damage.filter(|_| !unchecked);
         let history = self.histories.history_at(&job.actuator, job.window.t_start_ns)?;
-        let counted_damage = damage.as_ref().filter(|_| learning.is_none());
+        if is_commissioned {
+            history.release();
+        }
+        let counted_damage = damage.as_ref().filter(|_| !is_learning);
         reasons.extend(counted_damage.and_then(|damage| history.fallen(damage)));
         let status = match (&found, explained, reasons.is_empty()) {
             (None, _, _) => WindowStatus::Invalid,
@@ -248,7 +268,7 @@ impl Assessor {
             unmet_requirements(&job.params, &coefficients, &specification, faults)
         };
         let checked = explained.filter(|_| !unchecked);
-        let counted = checked.filter(|_| learning.is_none());
+        let counted = checked.filter(|_| !is_learning);
         let evidence = WindowEvidence {
             damage_evidence: counted_damage,
             fault: counted.map(|estimate| &estimate.fault),
@@ -260,7 +280,7 @@ impl Assessor {
         let readings = (status != WindowStatus::Invalid).then_some(&readings);
         let commissioned = self.models.unit(&job.actuator).and_then(|unit| sensors_of(unit, &job));
         let sensors = history.update_sensors(&job, readings, commissioned);
-        if learning.is_some() {
+        if is_learning {
             decision.state = HealthState::Unknown;
             decision.health.state = HealthState::Unknown;
             decision.health.states = [HealthState::Unknown; FaultId::COUNT];

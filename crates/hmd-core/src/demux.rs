@@ -15,6 +15,7 @@ use crate::config::Config;
 use crate::dbc::MappedBus;
 use crate::drive_bus::DriveJoiner;
 use crate::frame::{BusNames, RawFrame};
+use crate::history::RunEnd;
 use crate::outbox::{AssembledSample, Notice, Outbox, WindowJob};
 use crate::talker::Talker;
 
@@ -342,10 +343,10 @@ impl Demux {
             .map(|NamedStream { stream, .. }| (stream.name(), stream.stats().samples, stream.counts()))
     }
 
-    /// Names of the actuators seen so far, with their time of operation, s.
-    pub fn operated_s(&self) -> impl Iterator<Item = (&str, f64)> {
+    /// Names of the actuators seen so far, with what they have shown.
+    pub fn run_ends(&self) -> impl Iterator<Item = (&str, RunEnd)> {
         let streams = self.streams.values();
-        streams.map(|NamedStream { stream, .. }| (stream.name(), stream.operated_s()))
+        streams.map(|NamedStream { stream, .. }| (stream.name(), stream.run_end()))
     }
 
     /// Names of the actuators seen so far, with their frames dropped because a newer sample had begun.

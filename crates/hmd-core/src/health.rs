@@ -217,6 +217,9 @@ pub struct Health {
     shown: [bool; FaultId::COUNT],
     last: (HealthState, [HealthState; FaultId::COUNT]),
     faults: [LevelMemory; FaultId::COUNT],
+    /// State that each fault keeps until its part is replaced or the unit is commissioned; older files had none.
+    #[serde(default)]
+    held: [HealthState; FaultId::COUNT],
 }
 
 impl Health {
@@ -237,6 +240,7 @@ impl Health {
             shown: [false; FaultId::COUNT],
             last: (HealthState::Unknown, [HealthState::Unknown; FaultId::COUNT]),
             faults: [LevelMemory::default(); FaultId::COUNT],
+            held: [HealthState::Unknown; FaultId::COUNT],
         })
     }
 
@@ -301,12 +305,31 @@ impl Health {
         self.shown = [false; FaultId::COUNT];
         self.last = (HealthState::Unknown, [HealthState::Unknown; FaultId::COUNT]);
         self.faults = [LevelMemory::default(); FaultId::COUNT];
+        self.release();
     }
 
     /// Forgets one fault, as after the replacement of a part.
     pub(crate) fn forget(&mut self, fault: FaultId) {
         self.faults[fault.index()] = LevelMemory::default();
         self.shown[fault.index()] = false;
+        self.held[fault.index()] = HealthState::Unknown;
+        let mut states = self.last.1;
+        states[fault.index()] = HealthState::Unknown;
+        self.last = (self.of_actuator(&states), states);
+    }
+
+    /// Keeps the faults at watch or worse from improving: what they were measured by is void.
+    pub(crate) fn hold(&mut self) {
+        for (held, state) in self.held.iter_mut().zip(self.last.1) {
+            if is_fault(state) {
+                *held = state.max(*held);
+            }
+        }
+    }
+
+    /// The damages of the windows decide again.
+    pub(crate) fn release(&mut self) {
+        self.held = [HealthState::Unknown; FaultId::COUNT];
     }
 
     /// Takes the next window; `None` if it was not assessed.
@@ -318,6 +341,7 @@ impl Health {
             };
             let levels = &self.levels[fault.index()];
             memory.update(damage, sigma, significance(fault), levels);
+            memory.hold(self.held[fault.index()]);
             let shown = &mut self.shown[fault.index()];
             *shown = evidence.shows(fault, levels) || (*shown && damage < levels.warning);
         }

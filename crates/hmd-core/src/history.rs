@@ -5,6 +5,7 @@
 //! clock, no files.
 
 mod functional;
+mod life_end;
 mod maintenance;
 mod store;
 mod urgency;
@@ -30,8 +31,10 @@ use urgency::{Left, Urgency};
 use use_so_far::{Last, Measured};
 
 pub use functional::LimitingCriterion;
+pub use life_end::LifeEnd;
 pub use maintenance::{Event, EventKind, Events, ReplacedPart, UnreadableLine};
 pub use store::HistoryStore;
+pub use use_so_far::RunEnd;
 
 /// Why a window is doubted whose damage no longer has what earlier windows had: no damage heals. Begins the reason.
 pub const FELL: &str = "damage fell without a recorded repair";
@@ -217,9 +220,12 @@ impl UnitHistory {
         for fault in part.faults() {
             self.health.forget(*fault);
             self.prognosis.forget(*fault);
+            self.published.forget(*fault);
         }
         self.sensors.forget(part.sensors(), t_ns);
-        self.urgency.forget(part.faults());
+        if self.urgency.forget(part) {
+            self.published.rul_h = [None; 3];
+        }
         // It rests on all faults together.
         self.last_check = None;
         self.note_replaced(part.name());
@@ -230,6 +236,34 @@ impl UnitHistory {
             self.replaced.push(',');
         }
         self.replaced.push_str(what);
+    }
+
+    /// Keeps what is known of worn parts as it is, at least: the calibration by which it was found is void. Until their part is replaced, or the
+    /// unit is commissioned again ([`UnitHistory::release`]).
+    pub(crate) fn hold(&mut self) {
+        self.health.hold();
+        self.urgency.hold();
+    }
+
+    /// Lets the damages of the windows decide again.
+    pub(crate) fn release(&mut self) {
+        self.health.release();
+        self.urgency.release();
+    }
+
+    /// The faults that are known at watch or worse, and a short remaining life, in words; `None` where there are none.
+    pub(crate) fn known_damage(&self) -> Option<String> {
+        let states = FaultId::ALL.into_iter().zip(self.health.states());
+        let is_known = |(_, state): &(FaultId, HealthState)| *state >= HealthState::Watch;
+        let mut known: Vec<String> = states
+            .filter(is_known)
+            .map(|(fault, state)| format!("{} at {state}", fault.name()))
+            .collect();
+        let by_life = self.urgency.state();
+        if by_life >= HealthState::Watch {
+            known.push(format!("{by_life} by remaining life"));
+        }
+        (!known.is_empty()).then(|| known.join(", "))
     }
 
     /// Adds a window and its evidence, and decides on the health state: the worse of the state by damage and the state by
@@ -333,8 +367,14 @@ impl UnitHistory {
             last_window.states = Some(self.health.states());
             last_window.t_start_ns = self.last.map_or(0, |last| last.t_start_ns);
         }
+        // While the unit is learnt its history knows more than the last window told.
+        let is_open = |states: [HealthState; FaultId::COUNT]| states == [HealthState::Unknown; FaultId::COUNT];
+        let health = match last_window.states {
+            Some(states) if is_open(states) => self.urgency.state(),
+            _ => self.state(),
+        };
         ResumedState {
-            health: self.state(),
+            health,
             sensors: self.sensors.level(),
             pending: self.pending(),
             last_window,

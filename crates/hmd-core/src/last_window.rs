@@ -21,6 +21,14 @@ pub struct LastWindow {
 }
 
 impl LastWindow {
+    /// Leaves out what it says of a fault whose part is another now.
+    pub(crate) fn forget(&mut self, fault: FaultId) {
+        self.damage[fault.index()] = (None, None);
+        if let Some(states) = &mut self.states {
+            states[fault.index()] = HealthState::Unknown;
+        }
+    }
+
     /// Of the records of a window, and what it has in common with those before.
     #[must_use]
     pub fn new(health: &Health, rul: &Rul, in_a_row: &WindowsInARow) -> Self {

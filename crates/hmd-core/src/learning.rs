@@ -2,17 +2,18 @@
 //!
 //! In: the windows of all actuators, in their order. Out: their records; until a unit is commissioned its health is unknown, for the
 //! reason `learning`, and its windows are kept. With the last of them the unit is commissioned as `hmd calibrate` does it, and later windows are
-//! assessed by what was learnt. Where that fails, the older half of the windows is dropped and learning goes on. The same windows
-//! and seed give the same records. No files: what was learnt is taken by [`Learner::take_learnt`]. CPU-bound.
+//! assessed by what was learnt. Where that fails, the older half of the windows is dropped and learning goes on. A unit whose history knows a
+//! worn part is not learnt: its damage would count as health. It is assessed as one that is not commissioned until the part is replaced; what is
+//! known does not improve meanwhile. The same windows and seed give the same records. No files: what was learnt is taken by [`Learner::take_learnt`]. CPU-bound.
 
 mod kept_windows;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use ema_identify::unit_calibration::UnitCalibration;
 
-use crate::assess::{AssessError, AssessedWindow, Assessor};
+use crate::assess::{AssessError, AssessedWindow, Assessor, LearningProgress};
 use crate::commissioning::{CommissioningError, SeenByType, calibrate_unit, health_by_type, in_words};
 use crate::config::{ActuatorConfig, Config};
 use crate::deadline::TimeLimit;
@@ -32,6 +33,8 @@ pub struct Learner {
     learnt: Vec<LearntUnit>,
     /// Actuators whose unit was replaced.
     replaced: Vec<Arc<ActuatorConfig>>,
+    /// Actuators of which it was told that their unit is not learnt for now.
+    waiting: BTreeSet<String>,
     notices: Vec<String>,
 }
 
@@ -55,6 +58,7 @@ impl Learner {
             complete: None,
             learnt: Vec::new(),
             replaced: Vec::new(),
+            waiting: BTreeSet::new(),
             notices: Vec::new(),
         }
     }
@@ -79,13 +83,30 @@ impl Learner {
             self.replaced.push(actuator.clone());
         }
         let Some(learning) = actuator.learning.as_ref().filter(|_| !assessor.knows_unit(&actuator)) else {
-            return assessor.assess_within(job, limit, None);
+            return assessor.assess_within(job, limit, &LearningProgress::None);
         };
+        // Follows the events first: what was replaced is no longer known.
+        let history = assessor.histories().history_at(&actuator, t_ns)?;
+        if is_void {
+            history.hold();
+        }
+        if let Some(known) = history.known_damage() {
+            let name = &actuator.name;
+            let reason = format!(
+                "not learnt with {known}: repair it and record that (hmd event --reset {name}, with --part of one part)"
+            );
+            self.windows.remove(name);
+            if self.waiting.insert(name.clone()) {
+                self.notices.push(format!("{name}: {reason}"));
+            }
+            return assessor.assess_within(job, limit, &LearningProgress::Waits(reason));
+        }
+        self.waiting.remove(&actuator.name);
         let kept = self.windows.entry(actuator.name.clone()).or_default();
         let number = kept.len() + 1;
         let copy = job.clone();
         let reason = format!("learning, {number} of {} windows", learning.windows);
-        let assessed = assessor.assess_within(job, limit, Some(&reason))?;
+        let assessed = assessor.assess_within(job, limit, &LearningProgress::Learns(reason))?;
         let is_valid = assessed.health.status != WindowStatus::Invalid.name();
         let seen = SeenByType::new(&assessed);
         let is_complete = is_valid && kept.keep((copy, seen), learning.windows);
@@ -156,6 +177,7 @@ impl Learner {
     /// The windows that come are of another run, which does not have those of the one before.
     pub fn begin_run(&mut self) {
         self.windows.clear();
+        self.waiting.clear();
     }
 
     /// Forgets what was learnt of an actuator whose unit turns out to be another one.

@@ -1,9 +1,11 @@
 //! What the recordings of one unit say of it now: newest health, remaining life, and the damage last shown.
 
+use std::collections::BTreeSet;
+
 use ema_models::FaultId;
 
 use crate::health::HealthState;
-use crate::history::{FELL, ReplacedPart};
+use crate::history::{Event, FELL, LifeEnd, ReplacedPart};
 use crate::record::{Health, LastShown, Rul};
 
 /// The newest records of one unit. Windows of one recording are added in order; recordings are then joined.
@@ -17,17 +19,29 @@ pub struct Newest {
     pub shown: LastShown,
     /// Whether some window has a reading of the fault.
     has_reading: [bool; FaultId::COUNT],
-    /// Whether its part, or the unit, was replaced before some window.
-    replaced: [bool; FaultId::COUNT],
+    /// Parts, or the unit (`None`), that were replaced before some window.
+    replaced: BTreeSet<Option<ReplacedPart>>,
     /// Whether some window had a forecast.
     has_forecast: bool,
-    /// The fault that ended the life first by the newest forecast that there was; `None` once its part is replaced.
-    forecast_of: Option<FaultId>,
+    /// What ended the life by the newest forecast that there was; `None` once its part is replaced.
+    end: Option<LifeEnd>,
     /// Starts of the earliest and the latest window, UTC ns.
     period_ns: Option<[u64; 2]>,
+    /// All windows.
+    windows: Vec<SeenWindow>,
     /// Whether the damage of each fault fell without a recorded repair, in the order of [`FaultId::ALL`]; until it is back, or its part is
     /// replaced.
     pub fallen: [bool; FaultId::COUNT],
+}
+
+/// What a window says of use and replacements.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct SeenWindow {
+    t_start_ns: u64,
+    /// Operating hours so far.
+    used_h: Option<f64>,
+    /// What was replaced before it: `unit`, or parts, joined by commas.
+    replaced: String,
 }
 
 impl Newest {
@@ -53,6 +67,10 @@ impl Newest {
         let t_ns = health.t_start_ns;
         let [first, last] = self.period_ns.unwrap_or([t_ns; 2]);
         self.period_ns = Some([first.min(t_ns), last.max(t_ns)]);
+        self.windows.push(SeenWindow {
+            t_start_ns: t_ns,
+            ..SeenWindow::default()
+        });
         self.health = health;
         self.rul = Rul::default();
     }
@@ -61,25 +79,30 @@ impl Newest {
     pub fn add_rul(&mut self, rul: Rul) {
         for what in rul.replaced.split(',') {
             let part = ReplacedPart::from_name(what);
+            if part.is_none() && what != "unit" {
+                continue;
+            }
+            self.replaced.insert(part);
+            self.end = self.end.filter(|end| !end.is_of(part));
             for fault in FaultId::ALL {
-                let is_of = |part: ReplacedPart| part.faults().contains(&fault);
-                if what == "unit" || part.is_some_and(is_of) {
-                    (self.replaced[fault.index()], self.fallen[fault.index()]) = (true, false);
-                    self.forecast_of = self.forecast_of.filter(|of| *of != fault);
-                }
+                self.fallen[fault.index()] &= !ReplacedPart::renews(part, fault);
             }
         }
-        if rul.rul_p10_h.is_some() {
+        if let Some(window) = self.windows.last_mut() {
+            window.used_h = rul.operating_h;
+            window.replaced.clone_from(&rul.replaced);
+        }
+        if let Some(end) = LifeEnd::of(&rul) {
             self.has_forecast = true;
-            self.forecast_of = FaultId::from_name(&rul.dominant_fault);
+            self.end = Some(end);
         }
         self.rul = rul;
     }
 
     /// Takes over what was replaced after the newest window: nothing is known of the faults of a new part, nor of the life that one of them ended.
     pub fn replace(&mut self, part: Option<ReplacedPart>) {
-        let is_new = |fault: FaultId| part.is_none_or(|part| part.faults().contains(&fault));
-        let is_life_new = self.ends_first().map_or(part.is_none(), is_new);
+        let is_new = |fault: FaultId| ReplacedPart::renews(part, fault);
+        let is_life_new = self.is_end_of(part);
         let by_life = self.state_by_life().filter(|_| !is_life_new).unwrap_or_default();
         let mut states = self.states();
         for fault in FaultId::ALL.into_iter().filter(|fault| is_new(*fault)) {
@@ -87,7 +110,7 @@ impl Newest {
             self.shown.forget(fault);
         }
         if is_life_new {
-            (self.rul, self.forecast_of) = (Rul::default(), None);
+            (self.rul, self.end) = (Rul::default(), None);
         }
         // Of every part some fault is unknown now.
         let worst = states.into_iter().max().unwrap_or_default().max(by_life);
@@ -106,7 +129,28 @@ impl Newest {
 
     /// Notes that this recording is of another unit than the one before it.
     pub fn begin_unit(&mut self) {
-        self.replaced = [true; FaultId::COUNT];
+        self.replaced.insert(None);
+        if let Some(first) = self.windows.first_mut() {
+            "unit".clone_into(&mut first.replaced);
+        }
+    }
+
+    /// Whether the windows know of a replacement before the newest of them: a window since then has followed it, or the history began after
+    /// it. One whose windows are all dated after now, UTC ns, did not begin then: its clock was wrong.
+    #[must_use]
+    pub fn knows(&self, event: &Event, now_ns: u64) -> bool {
+        let what = event.part.map_or("unit", ReplacedPart::name);
+        let is_since = |window: &SeenWindow| window.t_start_ns >= event.t_ns;
+        let mut since = self.windows.iter().filter(|window| is_since(window));
+        let has_followed = since.any(|window| window.replaced.split(',').any(|of| of == what || of == "unit"));
+        let has_begun_anew = self.windows.windows(2).any(|pair| {
+            let [before, after] = [&pair[0], &pair[1]];
+            let has_gone_on = before.used_h < after.used_h;
+            !is_since(before) && is_since(after) && !has_gone_on
+        });
+        let begun_ns = self.period_ns.map(|[first, _]| first);
+        let has_begun = begun_ns.is_some_and(|begun_ns| (event.t_ns..=now_ns).contains(&begun_ns));
+        has_followed || has_begun_anew || has_begun
     }
 
     /// State of each fault, in the order of [`FaultId::ALL`].
@@ -126,7 +170,23 @@ impl Newest {
     /// The fault that ends the life first, by the newest forecast that there was: a state by the remaining life is about it.
     #[must_use]
     pub fn ends_first(&self) -> Option<FaultId> {
-        FaultId::from_name(&self.rul.dominant_fault).or(self.forecast_of)
+        self.end()?.fault
+    }
+
+    /// What ended the life by the newest forecast that there was.
+    fn end(&self) -> Option<LifeEnd> {
+        LifeEnd::of(&self.rul).or(self.end)
+    }
+
+    /// Whether a new part, or unit (`None`), takes away what ends the life by that forecast; of older records without any, the unit alone.
+    #[must_use]
+    pub fn is_end_of(&self, part: Option<ReplacedPart>) -> bool {
+        self.end().map_or(part.is_none(), |end| end.is_of(part))
+    }
+
+    /// Whether nothing that was known of a fault before holds, as its part was replaced before some window.
+    fn has_renewed(&self, fault: FaultId) -> bool {
+        self.replaced.iter().any(|part| ReplacedPart::renews(*part, fault))
     }
 
     /// Order of recordings that know nothing of each other: by the start of the newest window, UTC ns; those without any last.
@@ -158,19 +218,19 @@ impl Newest {
         for (fault, before) in FaultId::ALL.into_iter().zip(self.states()) {
             let n = fault.index();
             let holds = before >= HealthState::Watch || !later.has_reading[n];
-            if states[n] == HealthState::Unknown && holds && !later.replaced[n] {
+            if states[n] == HealthState::Unknown && holds && !later.has_renewed(fault) {
                 states[n] = before;
             }
             let shown = [&self.shown, &later.shown].map(|shown| shown.of(fault));
             let is_newer = matches!(shown, [Some(here), Some(there)] if here.t_start_ns > there.t_start_ns);
-            if is_newer && before > states[n] && before >= HealthState::Watch && !later.replaced[n] {
+            if is_newer && before > states[n] && before >= HealthState::Watch && !later.has_renewed(fault) {
                 states[n] = before;
                 later.shown.forget(fault);
             }
         }
         let by_life = self
             .state_by_life()
-            .filter(|_| !later.has_forecast && later.keeps_end(&self.rul));
+            .filter(|_| !later.has_forecast && self.keeps_end(&later));
         let worst = states
             .into_iter()
             .max()
@@ -189,33 +249,37 @@ impl Newest {
         self.join(later, &states);
     }
 
-    /// Whether the part that ends the life by this forecast is still the same.
-    fn keeps_end(&self, rul: &Rul) -> bool {
-        let ends_first = FaultId::from_name(&rul.dominant_fault);
-        !ends_first.map_or_else(|| self.replaced.contains(&true), |fault| self.replaced[fault.index()])
+    /// Whether nothing that was replaced later takes away what ends the life.
+    fn keeps_end(&self, later: &Self) -> bool {
+        !later.replaced.iter().any(|part| self.is_end_of(*part))
     }
 
     /// Takes the later records; of a fault that they leave open in a state that holds, the damage that was shown before.
-    fn join(&mut self, later: Self, states: &[HealthState; FaultId::COUNT]) {
+    fn join(&mut self, mut later: Self, states: &[HealthState; FaultId::COUNT]) {
+        let mut windows = std::mem::take(&mut self.windows);
+        windows.append(&mut later.windows);
         let holds = |fault: FaultId| {
             let n = fault.index();
-            states[n] != HealthState::Unknown && !later.replaced[n]
+            states[n] != HealthState::Unknown && !later.has_renewed(fault)
         };
         let both = |a: [bool; FaultId::COUNT], b: [bool; FaultId::COUNT]| std::array::from_fn(|n| a[n] || b[n]);
-        let still_fallen = |n: usize| self.fallen[n] && !later.replaced[n] && states[n] < HealthState::Warning;
+        let still_fallen = |fault: FaultId| {
+            let n = fault.index();
+            self.fallen[n] && !later.has_renewed(fault) && states[n] < HealthState::Warning
+        };
+        let end = self.end.filter(|_| !later.has_forecast && self.keeps_end(&later));
         *self = Self {
-            fallen: std::array::from_fn(|n| later.fallen[n] || still_fallen(n)),
+            fallen: FaultId::ALL.map(|fault| later.fallen[fault.index()] || still_fallen(fault)),
             shown: later.shown.or(&self.shown, holds),
             has_reading: both(self.has_reading, later.has_reading),
-            replaced: both(self.replaced, later.replaced),
+            replaced: self.replaced.union(&later.replaced).copied().collect(),
             has_forecast: self.has_forecast || later.has_forecast,
-            forecast_of: later.forecast_of.or(self
-                .forecast_of
-                .filter(|of| !later.has_forecast && !later.replaced[of.index()])),
+            end: later.end.or(end),
             period_ns: match (self.period_ns, later.period_ns) {
                 (Some(a), Some(b)) => Some([a[0].min(b[0]), a[1].max(b[1])]),
                 (a, b) => a.or(b),
             },
+            windows,
             health: later.health,
             rul: later.rul,
         };
@@ -416,6 +480,39 @@ mod tests {
         assert_eq!(ends_first(""), Some(FaultId::Backlash));
         assert_eq!(ends_first("motor"), Some(FaultId::Backlash));
         assert_eq!(ends_first("gearbox"), None);
+    }
+
+    /// Without hours a record names the largest damage, which need not be what ended the life.
+    #[test]
+    fn a_record_without_hours_does_not_say_what_ends_the_life() {
+        let with = |dominant: &str, p10: Option<f64>, governed_by: &str| Rul {
+            dominant_fault: dominant.to_owned(),
+            rul_p10_h: p10,
+            governed_by: governed_by.to_owned(),
+            ..Rul::default()
+        };
+        let ended = |governed_by: &str| {
+            let mut newest = recording(Critical, [Watch, Nominal], true, "");
+            newest.add_rul(with("backlash", Some(10.0), governed_by));
+            newest.add_rul(with("short_a", None, ""));
+            newest
+        };
+        assert_eq!(ended("damage").ends_first(), Some(FaultId::Backlash));
+        let after = |part: ReplacedPart, governed_by: &str| {
+            let mut newest = ended(governed_by);
+            newest.replace(Some(part));
+            // A later file says the same.
+            let mut before = ended(governed_by);
+            before.go_on(recording(Watch, [Watch, Nominal], true, part.name()));
+            let (now, over_files) = (newest.state_by_life(), before.state_by_life());
+            assert_eq!(now, over_files, "{part:?} {governed_by}");
+            now
+        };
+        assert_eq!(after(ReplacedPart::Motor, "damage"), Some(Critical));
+        assert_eq!(after(ReplacedPart::Gearbox, "damage"), None);
+        for part in ReplacedPart::ALL {
+            assert_eq!(after(part, "slew_rate"), None, "{part:?}");
+        }
     }
 
     #[test]

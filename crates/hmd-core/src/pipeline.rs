@@ -13,6 +13,7 @@ use crate::bus_state::BusStates;
 use crate::config::Config;
 use crate::demux::{Demux, FrameCounts};
 use crate::frame::{BusNames, RawFrame};
+use crate::history::RunEnd;
 use crate::outbox::{Notice, WindowJob};
 use crate::record::{InterfaceStatus, Status};
 use crate::talker::Talker;
@@ -163,9 +164,9 @@ impl Pipeline {
         of.map(|(name, samples, _)| (name, samples))
     }
 
-    /// Names of the actuators seen, with their time of operation in this recording, s.
-    pub fn operated_s(&self) -> impl Iterator<Item = (&str, f64)> {
-        self.demux.iter().flat_map(Demux::operated_s)
+    /// Names of the actuators seen, with what they have shown in this recording.
+    pub fn run_ends(&self) -> impl Iterator<Item = (&str, RunEnd)> {
+        self.demux.iter().flat_map(Demux::run_ends)
     }
 
     /// Actuators seen.

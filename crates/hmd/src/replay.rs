@@ -158,8 +158,8 @@ impl Replay<'_> {
                 run.end_windows()?;
             }
             if matches!(succession, Succession::AnotherRun) {
-                let operated_s = run.pipeline.operated_s();
-                let counted = run.assessor.histories().end_run(operated_s);
+                let ends = run.pipeline.run_ends();
+                let counted = run.assessor.histories().end_run(ends);
                 counted.map_err(AssessError::from)?;
                 run.pipeline.begin_recording();
                 run.assessor.histories().begin_run();

@@ -15,7 +15,7 @@ use ema_models::{ActuatorParams, FaultVector, Profile};
 use ema_wire::ActuatorId;
 use hmd::daemon::{Daemon, HostClock, Observer};
 use hmd::replay::{self, Replay};
-use hmd_core::assess::{AssessedWindow, Assessor, Models};
+use hmd_core::assess::{AssessedWindow, Assessor, LearningProgress, Models};
 use hmd_core::config::Config;
 use hmd_core::deadline::{Clock, TimeLimit, Turns};
 use hmd_core::frame::{BusNames, RawFrame};
@@ -120,7 +120,11 @@ fn live(config: &Arc<Config>, jobs: &[WindowJob], per_run: Duration) -> Vec<(Str
         let assessed = turns.take(
             arrived,
             || waiting,
-            |limit| assessor.assess_within(job.clone(), limit, None).unwrap(),
+            |limit| {
+                assessor
+                    .assess_within(job.clone(), limit, &LearningProgress::None)
+                    .unwrap()
+            },
         );
         let took = computer.now() - arrived;
         assert!(took <= deadline + MS, "window {n} after {took:?} of {deadline:?}");
@@ -158,7 +162,9 @@ fn every_window_is_answered_in_time_and_again_by_what_it_was_granted() {
                     deadline_ms,
                     effort: Effort::within(&mut grants),
                 };
-                let again = assessor.assess_within(job.clone(), &limit, None).unwrap();
+                let again = assessor
+                    .assess_within(job.clone(), &limit, &LearningProgress::None)
+                    .unwrap();
                 assert_eq!(line(&again), *line_live);
                 assert_eq!(again.shortened, *shortened);
             }

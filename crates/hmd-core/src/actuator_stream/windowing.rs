@@ -6,6 +6,7 @@ use ema_models::{ActuatorParams, SensedSample, Setpoint};
 
 use super::free_zero::move_set_point_to_rest;
 use crate::config::ActuatorConfig;
+use crate::history::RunEnd;
 use crate::log_map::Quantity;
 use crate::outbox::{Outbox, WindowJob};
 use crate::sample::{MeasuredConditions, SampleRate};
@@ -19,15 +20,6 @@ pub(super) enum Windowing {
     Ready(Box<ReadyWindowing>),
     /// The actuator cannot be monitored.
     Refused,
-}
-
-/// What goes on where the windowing of an actuator begins anew.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Continued {
-    /// Number of the next window.
-    next_number: u64,
-    /// Time of operation so far, s.
-    pub(super) operated_s: f64,
 }
 
 #[derive(Debug)]
@@ -50,7 +42,7 @@ impl Windowing {
         actuator: &ActuatorConfig,
         window_config: WindowConfig,
         rate: SampleRate,
-        before: Continued,
+        before: RunEnd,
         stamp_ns: u64,
         outbox: &mut Outbox,
     ) -> Self {
@@ -76,7 +68,7 @@ impl Windowing {
         }
         let made = match params.checked() {
             Ok(params) => Windower::new(window_config, &params)
-                .map(|windower| windower.numbered_from(before.next_number))
+                .map(|windower| windower.numbered_from(before.next_window))
                 .map(|windower| match &actuator.log {
                     Some(log) if !log.has(Quantity::Counter) => windower.numbered_by_time(),
                     _ => windower,
@@ -152,9 +144,9 @@ impl ReadyWindowing {
     }
 
     /// What the next windowing of the actuator goes on with.
-    pub(super) fn continued(&self) -> Continued {
-        Continued {
-            next_number: self.windower.next_number(),
+    pub(super) fn continued(&self) -> RunEnd {
+        RunEnd {
+            next_window: self.windower.next_number(),
             operated_s: self.operated_s(),
         }
     }

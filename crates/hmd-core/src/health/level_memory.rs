@@ -47,6 +47,12 @@ impl LevelMemory {
         self.reached <= STEPS
     }
 
+    /// Goes back to a state, where the one reached is better.
+    pub(super) fn hold(&mut self, least: HealthState) {
+        let levels = STATES.iter().position(|state| *state == least).unwrap_or(0);
+        self.reached = self.reached.max(levels);
+    }
+
     /// The level reached.
     pub(crate) fn state(&self) -> HealthState {
         STATES[self.reached]

@@ -5,6 +5,7 @@ use std::fmt;
 use ema_models::FaultId;
 use serde::{Deserialize, Serialize};
 
+use crate::config::Config;
 use crate::sensor_checks::Suspect;
 use crate::sensor_health::SensorQuantity;
 
@@ -24,6 +25,19 @@ pub struct Event {
     /// What the person who entered it wrote; older files had none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
+}
+
+impl Event {
+    /// Whether it is about a unit of this name. `serial_number` is that of the unit where recordings hold several of the name: it is then about
+    /// the one that the configuration has, without one there about each.
+    #[must_use]
+    pub fn is_about(&self, actuator: &str, serial_number: Option<&str>, config: &Config) -> bool {
+        let configured = config
+            .actuator_named(actuator)
+            .and_then(|of| of.serial_number.as_deref());
+        self.actuator == actuator
+            && serial_number.is_none_or(|number| configured.is_none_or(|configured| configured == number))
+    }
 }
 
 /// What happened.
@@ -85,6 +99,12 @@ impl ReplacedPart {
             Self::Gearbox => &[FaultId::Friction, FaultId::Backlash],
             Self::Controller => &[FaultId::Gain],
         }
+    }
+
+    /// Whether nothing is known of a fault once a part, or the unit (`None`), is another.
+    #[must_use]
+    pub fn renews(part: Option<Self>, fault: FaultId) -> bool {
+        part.is_none_or(|part| part.faults().contains(&fault))
     }
 
     /// What is tracked of the sensors in it: the resolver sits on the motor's shaft, the current sensors and the link in the controller.

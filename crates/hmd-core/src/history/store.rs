@@ -7,7 +7,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::maintenance::{Event, EventKind, Events, ReplacedPart};
-use super::{ResumedState, UnitHistory};
+use super::{ResumedState, RunEnd, UnitHistory};
 use crate::config::{ActuatorConfig, Config};
 use crate::counted::counted;
 use crate::health::LevelsError;
@@ -42,20 +42,29 @@ impl HistoryStore {
         self.restored.insert(actuator.to_owned(), history);
     }
 
-    /// What holds of each actuator whose history of an earlier run will continue; not of those that got another unit since.
-    pub fn restored_states(&self) -> impl Iterator<Item = (&str, ResumedState)> {
-        self.restored.iter().filter_map(|(name, history)| {
+    /// What holds of each actuator whose history of an earlier run will continue, by the maintenance events until now, UTC ns; not of those
+    /// that got another unit since.
+    pub fn restored_states(&self, now_ns: u64) -> impl Iterator<Item = (&str, ResumedState)> {
+        self.restored.iter().filter_map(move |(name, history)| {
             let actuator = self.config.actuator_named(name)?;
-            (history.serial_number == actuator.serial_number).then(|| (name.as_str(), history.resumed_state()))
+            let is_of_unit = history.serial_number == actuator.serial_number;
+            if !is_of_unit || !new_resets(&self.events.list, name, None, history, now_ns).is_empty() {
+                return None;
+            }
+            // What the events reset now they reset again with the next window.
+            let mut known = history.clone();
+            follow(&mut known, &self.config, &self.events.list, actuator, now_ns).ok()?;
+            Some((name.as_str(), known.resumed_state()))
         })
     }
 
-    /// Counts the time of operation, s, of the actuators since their last windows in the run that ends; also of those that had none in it.
+    /// Counts the operation and the dropped windows of the actuators since their last windows in the run that ends; also of those that had none
+    /// in it.
     ///
     /// # Errors
     /// Levels that contradict each other.
-    pub fn end_run<'a>(&mut self, operated_s: impl Iterator<Item = (&'a str, f64)>) -> Result<(), LevelsError> {
-        for (name, operated_s) in operated_s {
+    pub fn end_run<'a>(&mut self, ends: impl Iterator<Item = (&'a str, RunEnd)>) -> Result<(), LevelsError> {
+        for (name, end) in ends {
             let Some(actuator) = self.config.actuator_named(name) else {
                 continue;
             };
@@ -67,7 +76,7 @@ impl HistoryStore {
                 self.histories.insert(name.to_owned(), resumed);
             }
             if let Some(history) = self.histories.get_mut(name) {
-                history.count_rest(operated_s);
+                history.count_rest(end);
             }
         }
         Ok(())
@@ -153,7 +162,6 @@ impl HistoryStore {
     /// Levels that contradict each other.
     pub fn history_at(&mut self, actuator: &ActuatorConfig, t_ns: u64) -> Result<&mut UnitHistory, LevelsError> {
         let (config, serial_number) = (&self.config, &actuator.serial_number);
-        let all = FollowedEvents::until(t_ns, &self.events.list, &actuator.name);
         let history = match self.histories.entry(actuator.name.clone()) {
             Entry::Occupied(known) => known.into_mut(),
             Entry::Vacant(new) => {
@@ -163,45 +171,13 @@ impl HistoryStore {
                 };
                 let history = new.insert(history);
                 if history.last.is_none() {
-                    history.followed = Some(all.clone());
+                    history.begin(&self.events.list, &actuator.name, t_ns);
                 }
                 history
             }
         };
-        let new = |part, history: &UnitHistory| new_resets(&self.events.list, &actuator.name, part, history, t_ns);
-        let of_unit = new(None, history);
-        let of_parts = ReplacedPart::ALL.map(|part| new(Some(part), history));
-        history.followed.get_or_insert_default().add(all);
-        if let Some(newest) = of_unit.into_iter().max_by_key(|event| event.t_ns) {
-            *history = UnitHistory {
-                begun_ns: newest.t_ns,
-                followed: history.followed.take(),
-                last: history.last.map(|last| last.of_new_unit(newest.t_ns, t_ns)),
-                ..UnitHistory::new(config, serial_number.clone())?
-            };
-            history.note_replaced("unit");
-            let notice = format!(
-                "{}: history reset by a maintenance event{}",
-                actuator.name,
-                noted(newest)
-            );
-            self.notices.push(notice);
-            return Ok(history);
-        }
-        for (part, new) in ReplacedPart::ALL.into_iter().zip(of_parts) {
-            if let Some(newest) = new.last() {
-                history.replace(part, newest.t_ns);
-                let faults: Vec<&str> = part.faults().iter().map(|fault| fault.plain_name()).collect();
-                let notice = format!(
-                    "{}: {} replaced, its faults begin anew ({}){}",
-                    actuator.name,
-                    part.name(),
-                    faults.join(", "),
-                    noted(newest)
-                );
-                self.notices.push(notice);
-            }
-        }
+        let notices = follow(history, config, &self.events.list, actuator, t_ns)?;
+        self.notices.extend(notices);
         Ok(history)
     }
 
@@ -229,6 +205,66 @@ impl HistoryStore {
             notices.extend(of_history.into_iter().map(|notice| format!("{actuator}: {notice}")));
         }
         notices
+    }
+}
+
+/// Resets a history by the maintenance events up to a time, UTC ns, that it has not followed yet. Returns what an operator should read.
+fn follow(
+    history: &mut UnitHistory,
+    config: &Config,
+    events: &[Event],
+    actuator: &ActuatorConfig,
+    t_ns: u64,
+) -> Result<Vec<String>, LevelsError> {
+    let name = &actuator.name;
+    let of_unit = new_resets(events, name, None, history, t_ns);
+    let of_parts = ReplacedPart::ALL.map(|part| new_resets(events, name, Some(part), history, t_ns));
+    let mut notices = Vec::new();
+    let mut since_ns = 0;
+    if let Some(newest) = of_unit.into_iter().max_by_key(|event| event.t_ns) {
+        let mut anew = UnitHistory::new(config, actuator.serial_number.clone())?;
+        anew.followed = history.followed.take();
+        anew.last = history.last;
+        *history = anew;
+        history.begin(events, name, t_ns);
+        history.note_replaced("unit");
+        notices.push(format!("{name}: history reset by a maintenance event{}", noted(newest)));
+        since_ns = history.begun_ns;
+    }
+    for (part, new) in ReplacedPart::ALL.into_iter().zip(of_parts) {
+        // Parts of the unit before went with it.
+        let Some(newest) = new.last().filter(|event| event.t_ns > since_ns || since_ns == 0) else {
+            continue;
+        };
+        history.replace(part, newest.t_ns);
+        let faults: Vec<&str> = part.faults().iter().map(|fault| fault.plain_name()).collect();
+        notices.push(format!(
+            "{name}: {} replaced, its faults begin anew ({}){}",
+            part.name(),
+            faults.join(", "),
+            noted(newest)
+        ));
+    }
+    history
+        .followed
+        .get_or_insert_default()
+        .add(FollowedEvents::until(t_ns, events, name));
+    Ok(notices)
+}
+
+impl UnitHistory {
+    /// Notes the events up to the time of the first window, UTC ns: the newest unit came with one, and parts of it since. They reset nothing.
+    fn begin(&mut self, events: &[Event], actuator: &str, t_ns: u64) {
+        let newest = |part| resets(events, actuator, part, t_ns).map(|event| event.t_ns).max();
+        self.begun_ns = newest(None).unwrap_or(0);
+        for part in ReplacedPart::ALL {
+            if let Some(replaced_ns) = newest(Some(part)).filter(|replaced_ns| *replaced_ns > self.begun_ns) {
+                self.sensors.forget(part.sensors(), replaced_ns);
+            }
+        }
+        self.followed
+            .get_or_insert_default()
+            .add(FollowedEvents::until(t_ns, events, actuator));
     }
 }
 

@@ -135,7 +135,7 @@ fn a_maintenance_event_resets_the_history_once() {
 
 /// The unit that was replaced has had the operating hours before.
 #[test]
-fn a_new_unit_has_the_operating_hours_since_the_window_before_the_event() {
+fn a_new_unit_has_the_operating_hours_since_the_event() {
     let config = config("");
     let mut histories = HistoryStore::new(config.clone());
     let mut used = |number: u64| {
@@ -157,7 +157,7 @@ fn a_new_unit_has_the_operating_hours_since_the_window_before_the_event() {
         (used.hours, used.cycles)
     };
     let found: Vec<_> = (0..5).map(&mut used).collect();
-    let expected = [(500.0, 1.0), (501.0, 2.0), (502.0, 3.0), (1.0, 1.0), (2.0, 2.0)];
+    let expected = [(500.0, 1.0), (501.0, 2.0), (502.0, 3.0), (0.5, 1.0), (1.5, 2.0)];
     for ((hours, cycles), (of_hours, of_cycles)) in found.iter().zip(expected) {
         assert!(
             (hours - of_hours).abs() < 1e-9 && (cycles - of_cycles).abs() < 1e-9,
@@ -320,6 +320,72 @@ fn a_history_that_begins_has_followed_all_events_before_without_a_word() {
     assert!(histories.take_notices().is_empty());
     histories.set_events(events(&[&old[..], &[reset(at(100.0), None)]].concat()));
     assert_eq!(wear_out(&mut histories, &config, 11, 12)[0].replaced, "unit");
+}
+
+/// Parts of the unit before went with it; those of the new one were replaced since.
+#[test]
+fn a_part_that_was_replaced_after_the_unit_is_replaced_too() {
+    let config = config("hours = \"elapsed\"");
+    let at = |hours: f64| job(&config, 0, hours, 0.0).window.t_start_ns;
+    let controller = |hours: f64| reset(at(hours), Some(ReplacedPart::Controller));
+    let gearbox = |hours: f64| reset(at(hours), Some(ReplacedPart::Gearbox));
+    for (list, expected) in [
+        (vec![reset(at(91.0), None), controller(92.0)], "unit,controller"),
+        (vec![gearbox(91.0), reset(at(92.0), None)], "unit"),
+        (
+            vec![gearbox(91.0), reset(at(92.0), None), controller(93.0), controller(94.0)],
+            "unit,controller",
+        ),
+    ] {
+        let since_ns = list
+            .iter()
+            .filter(|event| event.part == Some(ReplacedPart::Controller))
+            .map(|event| event.t_ns)
+            .max();
+        // A history that goes on, and one that begins.
+        for (from, told) in [(0, expected), (10, "")] {
+            let mut histories = HistoryStore::new(config.clone());
+            wear_out(&mut histories, &config, from, 10);
+            histories.set_events(events(&list));
+            let assessments = wear_out(&mut histories, &config, 10, 12);
+            assert_eq!([&*assessments[0].replaced, &*assessments[1].replaced], [told, ""]);
+            // Of which no calibration from before tells anything.
+            let history = histories.get("ema0").expect("a history");
+            let text = serde_json::to_string(&history.sensors).expect("numbers");
+            let of_link = since_ns.map(|since_ns| text.contains(&since_ns.to_string()));
+            assert_ne!(of_link, Some(false), "{text}");
+            let unit_ns = list.iter().find(|event| event.part.is_none()).map(|event| event.t_ns);
+            assert_eq!(Some(history.begun_ns), unit_ns);
+        }
+    }
+}
+
+#[test]
+fn an_earlier_run_s_state_leaves_out_what_was_replaced_since() {
+    let config = config("hours = \"elapsed\"\nwarning_h = 10000");
+    let at = |hours: f64| job(&config, 0, hours, 0.0).window.t_start_ns;
+    let mut histories = HistoryStore::new(config.clone());
+    wear_out(&mut histories, &config, 0, 20);
+    let state = |event: Option<Event>| {
+        let mut again = HistoryStore::new(config.clone());
+        again.restore("ema0", stored(&histories));
+        again.set_events(events(event.as_slice()));
+        let state = again.restored_states(at(300.0)).next().map(|(_, state)| state);
+        state.map(|state| {
+            (
+                state.health,
+                state.last_window.states.unwrap_or_default()[FaultId::Friction.index()],
+            )
+        })
+    };
+    let before = Some((HealthState::Warning, HealthState::Watch));
+    assert_eq!(state(None), before);
+    assert_eq!(state(Some(reset(at(250.0), Some(ReplacedPart::Controller)))), before);
+    let unknown = Some((HealthState::Unknown, HealthState::Unknown));
+    assert_eq!(state(Some(reset(at(250.0), Some(ReplacedPart::Gearbox)))), unknown);
+    assert_eq!(state(Some(reset(at(250.0), None))), None);
+    // One to come.
+    assert_eq!(state(Some(reset(at(301.0), None))), before);
 }
 
 #[test]

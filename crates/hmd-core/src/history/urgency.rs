@@ -3,6 +3,7 @@
 use ema_models::FaultId;
 use serde::{Deserialize, Serialize};
 
+use super::{LifeEnd, ReplacedPart};
 use crate::config::RulConfig;
 use crate::health::HealthState;
 use crate::rul::{Forecast, NoTrend};
@@ -12,7 +13,8 @@ const HYSTERESIS: f64 = 1.2;
 
 /// State by the 10 % quantile of the hours left: worsens after as many windows in a row as the fault that ends the life
 /// needs by its damage, improves beyond the hysteresis, and after as many windows in a row by which that fault does not grow or its end is
-/// out of reach. A window that shows nothing of the fault changes nothing, nor does a trend that has just begun.
+/// out of reach. A window that shows nothing of the fault changes nothing. While a trend has just begun anew by a jump, or that of the fault has
+/// too few estimates, nothing improves: the forecasts of other faults only raise.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Urgency {
     /// Windows in a row below `warning_h` and `critical_h`.
@@ -25,6 +27,9 @@ pub(super) struct Urgency {
     /// Index of the fault that ended the life in the last forecast; `None`: all together, or an older file.
     #[serde(default)]
     fault: Option<usize>,
+    /// Whether nothing improves until the part is replaced or the unit is commissioned; older files had none.
+    #[serde(default)]
+    held: bool,
 }
 
 /// What a window says of the remaining life.
@@ -57,25 +62,40 @@ impl Urgency {
         };
         let is_shown = fault.map_or(left.shown.contains(&true), |fault| left.shown[fault.index()]);
         if is_shown {
+            let stays = self.held || self.is_open(left.forecast);
             match left.forecast.actuator {
-                Ok(life) => self.take_hours(life.hours.p10, fault, config, persistence(fault)),
-                Err(_) if fault.is_some_and(|fault| is_new(left.forecast, fault)) => {}
+                Ok(life) => self.take_hours(life.hours.p10, fault, stays, config, persistence(fault)),
+                Err(_) if stays => {}
                 Err(_) => self.take_none(persistence(fault)),
             }
         }
         self.state()
     }
 
-    fn take_hours(&mut self, left_h: f64, fault: Option<FaultId>, config: &RulConfig, persistence: u32) {
-        self.fault = fault.map(FaultId::index);
+    /// Whether what ended the life may do so still, and its trend does not tell yet. A trend that jumped may be that of any fault: together
+    /// they end the life, too.
+    fn is_open(&self, forecast: &Forecast) -> bool {
+        let has_jumped = |life: &Result<_, NoTrend>| matches!(life, Err(NoTrend::Jumped { .. }));
+        let has_few = |fault: FaultId| matches!(forecast.faults[fault.index()], Err(NoTrend::TooFew { .. }));
+        forecast.faults.iter().any(has_jumped) || self.fault().is_some_and(has_few)
+    }
+
+    /// `stays`: the state may worsen alone.
+    fn take_hours(&mut self, left_h: f64, fault: Option<FaultId>, stays: bool, config: &RulConfig, persistence: u32) {
+        let before = self.reached;
         self.beyond = 0;
         let levels = [config.warning_h, config.critical_h];
         for (below, level) in self.below.iter_mut().zip(levels) {
             *below = if left_h < level { below.saturating_add(1) } else { 0 };
         }
         let worse = self.below.iter().filter(|&&below| below >= persistence).count();
-        self.reached = self.reached.max(worse);
-        while self.reached > 0 && left_h >= HYSTERESIS * levels[self.reached - 1] {
+        self.reached = before.max(worse);
+        // A state that another fault has brought is about that fault still.
+        if stays && before > 0 && self.reached == before {
+            return;
+        }
+        self.fault = fault.map(FaultId::index);
+        while !stays && self.reached > 0 && left_h >= HYSTERESIS * levels[self.reached - 1] {
             self.reached -= 1;
         }
     }
@@ -88,11 +108,27 @@ impl Urgency {
         }
     }
 
-    /// Forgets the forecasts by faults whose part was replaced; those by all faults together rest on any.
-    pub(super) fn forget(&mut self, faults: &[FaultId]) {
-        if self.fault().is_none_or(|fault| faults.contains(&fault)) {
+    /// Forgets the forecasts that a new part makes void; whether it does.
+    pub(super) fn forget(&mut self, part: ReplacedPart) -> bool {
+        let end = LifeEnd {
+            by_function: self.fault.is_none(),
+            fault: self.fault(),
+        };
+        let is_void = end.is_of(Some(part));
+        if is_void {
             *self = Self::default();
         }
+        is_void
+    }
+
+    /// Keeps the state from improving: what it rests on is void.
+    pub(super) fn hold(&mut self) {
+        self.held = self.reached > 0;
+    }
+
+    /// The forecasts decide again.
+    pub(super) fn release(&mut self) {
+        self.held = false;
     }
 
     /// State after the last window.
@@ -105,21 +141,13 @@ impl Urgency {
     }
 }
 
-/// Whether the trend of a fault is too new to say anything.
-fn is_new(forecast: &Forecast, fault: FaultId) -> bool {
-    matches!(
-        forecast.faults[fault.index()],
-        Err(NoTrend::TooFew { .. } | NoTrend::Jumped { .. })
-    )
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::rul::{Quantiles, RemainingLife};
 
     const FRICTION: usize = 0;
-    const BACKLASH: usize = 5;
+    const BACKLASH: usize = 1;
 
     fn forecast(life: Result<f64, NoTrend>, fault: usize) -> Forecast {
         let life = life.map(|left_h| RemainingLife {
@@ -198,6 +226,59 @@ mod tests {
         }
     }
 
+    /// Friction, then backlash alone: whether each has hours left.
+    fn take_both(urgency: &mut Urgency, friction: Result<f64, NoTrend>, backlash: Result<f64, NoTrend>) -> HealthState {
+        let [of_friction, of_backlash] = [forecast(friction, FRICTION), forecast(backlash, BACKLASH)];
+        let is_friction =
+            of_friction.actuator.is_ok() && (of_backlash.actuator.is_err() || friction.ok() < backlash.ok());
+        let first = if is_friction { &of_friction } else { &of_backlash };
+        let mut both = first.clone();
+        both.faults[FRICTION] = of_friction.faults[FRICTION];
+        both.faults[BACKLASH] = of_backlash.faults[BACKLASH];
+        let left = Left {
+            ends_by: both.dominant,
+            forecast: &both,
+            shown: [true; FaultId::COUNT],
+        };
+        urgency.update(&left, &config(), |_| 1)
+    }
+
+    #[test]
+    fn a_jump_leaves_the_state_to_no_other_fault() {
+        let (jumped, none) = (NoTrend::Jumped { got: 4 }, NoTrend::NoGrowth);
+        let mut urgency = Urgency::default();
+        let windows = [
+            (Ok(5.0), Ok(500.0)),
+            (Err(jumped), Ok(500.0)),
+            (Err(jumped), Ok(50.0)),
+            (Err(jumped), Err(none)),
+            (Err(none), Ok(50.0)),
+            // Another fault raises the state all the same, and it is then about that one.
+            (Err(jumped), Ok(5.0)),
+            (Err(none), Ok(500.0)),
+        ];
+        let states = windows.map(|(friction, backlash)| take_both(&mut urgency, friction, backlash));
+        assert_eq!(states, [C, C, C, C, W, C, N]);
+        // The fault that has jumped was not the first to end.
+        let mut urgency = Urgency::default();
+        let windows = [(Ok(9.0), Ok(5.0)), (Ok(50.0), Err(jumped)), (Ok(50.0), Err(none))];
+        let states = windows.map(|(friction, backlash)| take_both(&mut urgency, friction, backlash));
+        assert_eq!(states, [C, C, W]);
+        // All together ended the life.
+        let mut urgency = Urgency::default();
+        let mut function = forecast(Ok(5.0), FRICTION);
+        for life in [Ok(5.0), Err(jumped)] {
+            function.faults[FRICTION] = forecast(life, FRICTION).faults[FRICTION];
+            function.actuator = function.faults[FRICTION];
+            let left = Left {
+                ends_by: None,
+                forecast: &function,
+                shown: [true; FaultId::COUNT],
+            };
+            assert_eq!(urgency.update(&left, &config(), |_| 1), C);
+        }
+    }
+
     #[test]
     fn only_windows_that_show_the_fault_that_ends_the_life_count() {
         let mut urgency = Urgency::default();
@@ -217,9 +298,9 @@ mod tests {
     fn a_replaced_part_takes_its_own_forecast_along() {
         let mut urgency = Urgency::default();
         assert_eq!(take(&mut urgency, Ok(5.0), BACKLASH, BACKLASH, 1), C);
-        urgency.forget(&[FaultId::ALL[FRICTION]]);
+        urgency.forget(ReplacedPart::Motor);
         assert_eq!(urgency.state(), C);
-        urgency.forget(&[FaultId::ALL[BACKLASH]]);
+        urgency.forget(ReplacedPart::Gearbox);
         assert_eq!(urgency.state(), N);
     }
 }

@@ -15,6 +15,26 @@ pub(super) struct Measured {
     cycles: f64,
 }
 
+impl Measured {
+    /// Work of so many actuations that were not measured: the mean of those that were, J.
+    fn work_of(&self, cycles: f64) -> f64 {
+        if self.cycles > 0.0 {
+            cycles * self.work_j / self.cycles
+        } else {
+            0.0
+        }
+    }
+}
+
+/// What a run has shown of an actuator when it ends.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RunEnd {
+    /// Number of the next window, which did not come.
+    pub next_window: u64,
+    /// Time of operation, s.
+    pub operated_s: f64,
+}
+
 /// The window before.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Last {
@@ -28,15 +48,44 @@ pub(super) struct Last {
 }
 
 impl Last {
-    /// The same for a unit that came at `begun_ns`, before the window at `now_ns`: what passed before belongs to another unit. A stamp after
+    /// The same for a unit that came at `begun_ns`, before its first window `now`: what passed before belongs to another unit. Operation and
+    /// dropped windows between two windows of a run are taken as even; before the first of a run, operation as without a pause. A stamp after
     /// that window was of a wrong clock.
-    pub(super) fn of_new_unit(self, begun_ns: u64, now_ns: u64) -> Self {
-        let t_start_ns = if self.t_start_ns > now_ns {
+    fn of_new_unit(self, begun_ns: u64, now: &Self) -> Self {
+        let own_ns = now.t_start_ns.saturating_sub(begun_ns) as f64;
+        let operated_s = self.operated_until(now);
+        let windows = now.number().saturating_sub(self.next_window);
+        let is_first_of_run = self.next_window == 0;
+        let passed_ns = if is_first_of_run || self.t_start_ns > now.t_start_ns {
+            1e9 * operated_s
+        } else {
+            (now.t_start_ns - self.t_start_ns) as f64
+        };
+        let share = if own_ns < passed_ns { own_ns / passed_ns } else { 1.0 };
+        let t_start_ns = if self.t_start_ns > now.t_start_ns {
             begun_ns
         } else {
             self.t_start_ns.max(begun_ns)
         };
-        Self { t_start_ns, ..self }
+        Self {
+            t_start_ns,
+            next_window: now.number() - (share * windows as f64).round() as u64,
+            operating_s: now.operating_s - share * operated_s,
+        }
+    }
+
+    /// Number of the window.
+    fn number(&self) -> u64 {
+        self.next_window.saturating_sub(1)
+    }
+
+    /// Time of operation since this window at a later one, s. A source that began anew counts from 0.
+    fn operated_until(&self, now: &Self) -> f64 {
+        if now.operating_s >= self.operating_s {
+            now.operating_s - self.operating_s
+        } else {
+            now.operating_s
+        }
     }
 
     /// The same before the first window of another run, which counts windows and time of operation from 0.
@@ -60,12 +109,13 @@ impl UnitHistory {
             next_window: job.window.number.saturating_add(1),
             operating_s: job.operating_s,
         };
+        // The reset of the unit is noted until its first window was taken.
+        if self.replaced.split(',').any(|what| what == "unit") {
+            self.last = self.last.map(|last| last.of_new_unit(self.begun_ns, &now));
+        }
         let hours = match (hours_of, self.last) {
-            // A source that began anew counts from 0.
-            (HoursOf::Operating, Some(last)) if now.operating_s >= last.operating_s => {
-                (now.operating_s - last.operating_s) / 3600.0
-            }
-            (HoursOf::Operating, _) => now.operating_s / 3600.0,
+            (HoursOf::Operating, Some(last)) => last.operated_until(&now) / 3600.0,
+            (HoursOf::Operating, None) => now.operating_s / 3600.0,
             // A clock that was set meanwhile tells nothing of the time between.
             (HoursOf::Elapsed, Some(last)) if is_set(last.t_start_ns) == is_set(now.t_start_ns) => {
                 now.t_start_ns.saturating_sub(last.t_start_ns) as f64 / 3600e9
@@ -74,7 +124,7 @@ impl UnitHistory {
         };
         // Windows that were dropped for want of time were actuations too.
         let expected = self.last.map_or(0, |last| last.next_window);
-        let dropped = job.window.number.saturating_sub(expected) as f64;
+        let dropped = now.number().saturating_sub(expected) as f64;
         let cycles = dropped + 1.0;
         let mut unmeasured = cycles;
         let mut work_j = 0.0;
@@ -84,9 +134,7 @@ impl UnitHistory {
             unmeasured -= 1.0;
             work_j = measured;
         }
-        if self.measured.cycles > 0.0 {
-            work_j += unmeasured * self.measured.work_j / self.measured.cycles;
-        }
+        work_j += self.measured.work_of(unmeasured);
         self.used = Odometer {
             hours: self.used.hours + hours,
             cycles: self.used.cycles + cycles,
@@ -96,10 +144,16 @@ impl UnitHistory {
         self.last = Some(Last { t_start_ns, ..now });
     }
 
-    /// Counts the time of operation, s, that its run has shown since the last window. Without any window there is no unit yet that it is of.
-    pub(super) fn count_rest(&mut self, operated_s: f64) {
-        if let (Some(HoursOf::Operating), Some(last)) = (self.hours_of, &mut self.last) {
-            let rest_s = (operated_s - last.operating_s).max(0.0);
+    /// Counts the time of operation, s, that its run has shown since the last window, and the windows since then, which were dropped for want of
+    /// time. Without any window there is no unit yet that they are of.
+    pub(super) fn count_rest(&mut self, rest: RunEnd) {
+        let Some(last) = &mut self.last else { return };
+        let dropped = rest.next_window.saturating_sub(last.next_window) as f64;
+        self.used.cycles += dropped;
+        self.used.work_j += self.measured.work_of(dropped);
+        last.next_window = last.next_window.max(rest.next_window);
+        if self.hours_of == Some(HoursOf::Operating) {
+            let rest_s = (rest.operated_s - last.operating_s).max(0.0);
             self.used.hours += rest_s / 3600.0;
             last.operating_s += rest_s;
         }

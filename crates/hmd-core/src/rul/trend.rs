@@ -243,6 +243,7 @@ impl Trend {
             estimates: recent.len() as u64,
             ..Self::new(self.end_of_life)
         };
+        // An older file had no newest estimates.
         if recent.len() < START {
             self.start.clone_from(&recent);
         } else {
@@ -277,7 +278,7 @@ impl Trend {
     }
 
     /// Damage at the last estimate: the laws' mean, or before there are any what the last two estimates agree on, 0 before the second: a
-    /// single one may be an outlier. Four have agreed on the one that begins a trend after a jump.
+    /// single one may be an outlier. After a jump there are laws at once; of an older file, the one estimate on which those before had agreed.
     pub(super) fn damage(&self) -> f64 {
         let mean = |weights: Vec<f64>| {
             self.all_laws()

@@ -159,20 +159,16 @@ impl Files {
     pub fn note_replacements(&mut self, events: &Events, config: &Config, now_ns: u64) {
         let has_come = |event: &&Event| event.event == EventKind::Reset && event.t_ns <= now_ns;
         for event in events.list.iter().filter(has_come) {
-            let configured = config.actuator_named(&event.actuator);
-            let serial = configured.and_then(|of| of.serial_number.as_deref());
+            let is_about = |serial: Option<&str>| event.is_about(&event.actuator, serial, config);
             let is_meant = |name: &str| match name.strip_prefix(&*event.actuator) {
-                Some("") => true,
-                Some(rest) => rest
-                    .strip_prefix(SERIAL)
-                    .is_some_and(|of| serial.is_none_or(|serial| serial == of)),
+                Some("") => is_about(None),
+                Some(rest) => rest.strip_prefix(SERIAL).is_some_and(|serial| is_about(Some(serial))),
                 None => false,
             };
             for (_, history) in self.actuators.iter_mut().filter(|(name, _)| is_meant(name)) {
-                let is_after_all = history.points.iter().all(|point| point.t_start_ns < event.t_ns);
-                let list = match is_after_all {
+                let list = match history.newest.is_before(event.t_ns) {
                     true => &mut history.replaced_since,
-                    false if history.knows(event, now_ns) => continue,
+                    false if history.newest.knows(event, now_ns) => continue,
                     false => &mut history.entered_since,
                 };
                 // The newest of each part.
@@ -261,7 +257,6 @@ impl Files {
 
 #[cfg(test)]
 mod tests {
-    use super::super::history::Point;
     use super::*;
     use hmd_core::history::ReplacedPart;
 
@@ -280,9 +275,10 @@ mod tests {
         let replaced = |serial: &str, events: Vec<Event>| {
             let mut files = Files::default();
             for name in ["left, serial 1", "left, serial 2", "lefty"] {
-                files.entry(name).points.push(Point {
+                files.health(Health {
+                    actuator: name.to_owned(),
                     t_start_ns: 5,
-                    ..Point::default()
+                    ..Health::default()
                 });
             }
             let config = format!("[[actuator]]\nid = 0\nname = \"left\"\n{serial}");
@@ -310,13 +306,19 @@ mod tests {
     fn a_replacement_that_no_window_knows_of_is_told() {
         let entered = |points: &[(u64, f64, &str)], now_ns: u64| {
             let mut files = Files::default();
-            let point = |&(t_start_ns, used_h, replaced): &(u64, f64, &str)| Point {
-                t_start_ns,
-                used_h: Some(used_h),
-                replaced: replaced.to_owned(),
-                ..Point::default()
-            };
-            files.entry("left").points = points.iter().map(point).collect();
+            for &(t_start_ns, used_h, replaced) in points {
+                files.health(Health {
+                    actuator: "left".to_owned(),
+                    t_start_ns,
+                    ..Health::default()
+                });
+                files.rul(Rul {
+                    actuator: "left".to_owned(),
+                    operating_h: Some(used_h),
+                    replaced: replaced.to_owned(),
+                    ..Rul::default()
+                });
+            }
             let config = Config::from_toml_str("[[actuator]]\nid = 0\nname = \"left\"\n", "test").unwrap();
             let events = Events {
                 list: vec![reset(6, "a")],

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use ema_models::FaultId;
 use hmd_core::config::HoursOf;
 use hmd_core::health::HealthState;
-use hmd_core::history::{Event, ReplacedPart};
+use hmd_core::history::ReplacedPart;
 use hmd_core::newest::Newest;
 use hmd_core::record::{Estimate, Health, Rul, Sensors, Window};
 
@@ -92,23 +92,6 @@ impl History {
     pub(super) fn period_ns(&self) -> Option<[u64; 2]> {
         let times = self.points.iter().map(|point| point.t_start_ns);
         Some([times.clone().min()?, times.max()?])
-    }
-
-    /// Whether the windows know of a replacement before the newest of them: a window since then has followed it, or the history began after
-    /// it. One whose windows are all dated after now did not begin then: its clock was wrong.
-    pub(super) fn knows(&self, event: &Event, now_ns: u64) -> bool {
-        let what = event.part.map_or("unit", ReplacedPart::name);
-        let is_since = |point: &Point| point.t_start_ns >= event.t_ns;
-        let mut since = self.points.iter().filter(|point| is_since(point));
-        let has_followed = since.any(|point| point.replaced.split(',').any(|of| of == what || of == "unit"));
-        let has_begun_anew = self.points.windows(2).any(|pair| {
-            let [before, after] = [&pair[0], &pair[1]];
-            let has_gone_on = before.used_h < after.used_h;
-            !is_since(before) && is_since(after) && !has_gone_on
-        });
-        let begun_ns = self.points.iter().map(|point| point.t_start_ns).min();
-        let has_begun = begun_ns.is_some_and(|begun_ns| (event.t_ns..=now_ns).contains(&begun_ns));
-        has_followed || has_begun_anew || has_begun
     }
 
     /// The newest windows without an estimate; `None` if the newest has one.

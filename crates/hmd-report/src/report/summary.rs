@@ -176,8 +176,8 @@ fn state_by_life(advice: &Recommendation, history: &History, zone: &Zone) -> Opt
             let predicted = history.points.iter().rfind(|point| point.left_h.is_some());
             let when = predicted.map_or_else(String::new, |point| format!(" on {}", zone.minute(point.t_start_ns)));
             format!(
-                "{state} by the short remaining life that was predicted last{when}: this holds until another forecast says more, or a \
-                 repair is recorded."
+                "{state} by the short remaining life that was predicted last{when}: this holds until another forecast says more, \
+                 later windows show no growth, or a repair is recorded."
             )
         }
     })
@@ -490,7 +490,7 @@ mod tests {
         assert_eq!(
             of(&advice),
             "Critical by the short remaining life that was predicted last on 1970-01-01 00:00 UTC: this holds until another forecast says \
-             more, or a repair is recorded."
+             more, later windows show no growth, or a repair is recorded."
         );
     }
 

@@ -19,9 +19,10 @@ use super::{Exit, Losses, Misuse, load_config, say, to_stderr, warn};
 use hmd_core::catalogue::catalogue;
 use hmd_core::config::Config;
 use hmd_core::health::HealthState;
-use hmd_core::history::{EventKind, Events};
+use hmd_core::history::{EventKind, Events, ReplacedPart};
 use hmd_core::newest::Newest;
 use hmd_core::record::{Health, Interval, Log, Record, Rul};
+use hmd_core::timestamp;
 use hmd_ingest::file::open_recorded;
 use hmd_storage::clock::now_ns;
 use hmd_storage::event_file::load_events;
@@ -265,15 +266,22 @@ impl Printer {
             for run in runs {
                 newest.go_on(run.clone());
             }
-            let configured = config.actuator_named(actuator).and_then(|of| of.serial_number.as_deref());
-            // As on the page: only of units of one name a serial number tells whose event it is.
-            let is_this = serial_number.is_none() || configured.is_none() || configured == unit_number.as_deref();
-            let replaced = events.list.iter().filter(|event| {
-                let is_reset = event.event == EventKind::Reset && event.actuator == *actuator;
-                is_reset && is_this && event.t_ns <= now_ns && newest.is_before(event.t_ns)
+            let resets = events.list.iter().filter(|event| {
+                let is_reset = event.event == EventKind::Reset && event.is_about(actuator, serial_number, config);
+                is_reset && event.t_ns <= now_ns
             });
-            for part in replaced.map(|event| event.part).collect::<Vec<_>>() {
-                newest.replace(part);
+            for event in resets {
+                if newest.is_before(event.t_ns) {
+                    newest.replace(event.part);
+                } else if !newest.knows(event, now_ns) {
+                    warn(format_args!(
+                        "{}: {} entered as replaced at {} UTC, but these windows were assessed before that: hmd replay of the logs, or the next \
+                         movement of a running hmd, takes it over",
+                        printable(actuator),
+                        event.part.map_or("actuator", ReplacedPart::name),
+                        timestamp::minute(event.t_ns)
+                    ));
+                }
             }
             summary::summary_line(&newest, serial_number)
         })

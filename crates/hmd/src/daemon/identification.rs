@@ -12,6 +12,7 @@ use super::{DaemonError, Observer, Shared, WaitingWindow, WindowQueue, lock};
 use hmd_core::assess::{AssessError, AssessedWindow, Assessor, Estimator};
 use hmd_core::config::Config;
 use hmd_core::deadline::Turns;
+use hmd_core::history::RunEnd;
 use hmd_core::learning::Learner;
 use hmd_core::outbox::Notice;
 use hmd_core::record::{LogLevel, WindowStatus};
@@ -54,11 +55,15 @@ impl<'a, C: HostClock> Identification<'a, C> {
         })
     }
 
-    /// Health of the actuators by the histories of earlier runs: it holds until their next windows, and the observer gets what their last
-    /// ones showed.
+    /// Health of the actuators by the histories of earlier runs and the maintenance events since: it holds until their next windows, and the
+    /// observer gets what their last ones showed. A file of events that cannot be read is told with the first window.
     pub(super) fn resumed_health(&mut self, observer: &impl Observer) -> HealthTracker {
         let mut tracker = HealthTracker::default();
-        for (actuator, state) in self.assessor.histories().restored_states() {
+        if let Ok(events) = load_events(&self.config) {
+            self.assessor.histories().set_events(events);
+        }
+        let now_ns = self.clock.utc_ns();
+        for (actuator, state) in self.assessor.histories().restored_states(now_ns) {
             tracker.resume(actuator, &state);
             observer.resumed(actuator, state.last_window);
         }
@@ -227,15 +232,13 @@ impl<'a, C: HostClock> Identification<'a, C> {
         Ok(())
     }
 
-    /// Counts the time of operation since the last windows, by actuator, s, and stores the histories. Returns what an operator should read.
-    pub(super) fn end_run(&mut self, operated_s: &[(&str, f64)]) -> Result<Vec<String>, DaemonError> {
+    /// Counts operation and dropped windows since the last windows, by actuator, and stores the histories. Returns what an operator should read.
+    pub(super) fn end_run(&mut self, ends: &[(&str, RunEnd)]) -> Result<Vec<String>, DaemonError> {
         let histories = self.assessor.histories();
-        histories
-            .end_run(operated_s.iter().copied())
-            .map_err(AssessError::from)?;
+        histories.end_run(ends.iter().copied()).map_err(AssessError::from)?;
         let mut notices = Vec::new();
         if let Some((directory, _)) = &self.histories {
-            for (name, _) in operated_s {
+            for (name, _) in ends {
                 let saved = histories
                     .get(name)
                     .map(|history| history_file::save(directory, name, history));

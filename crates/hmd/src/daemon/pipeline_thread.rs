@@ -20,6 +20,7 @@ use super::{DaemonError, ENDING_MAX, Observer, Shared, TICK, WaitingWindow, Wind
 use hmd_core::config::Config;
 use hmd_core::counted::counted;
 use hmd_core::frame::BusNames;
+use hmd_core::history::RunEnd;
 use hmd_core::outbox::{Notice, WindowJob};
 use hmd_core::pipeline::Pipeline;
 use hmd_core::record::{ActuatorStatus, DataState, LogLevel, Status};
@@ -240,9 +241,9 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
         Ok(())
     }
 
-    /// Names of the actuators seen, with their time of operation, s.
-    pub(super) fn operated_s(&self) -> Vec<(&str, f64)> {
-        self.pipeline.operated_s().collect()
+    /// Names of the actuators seen, with what they have shown.
+    pub(super) fn run_ends(&self) -> Vec<(&str, RunEnd)> {
+        self.pipeline.run_ends().collect()
     }
 
     /// The counters as they stand.

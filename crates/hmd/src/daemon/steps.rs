@@ -146,7 +146,7 @@ impl<'a, C: HostClock, O: Observer> Steps<'a, C, O> {
         let mut pipeline = self.pipeline;
         let dropped = pipeline.drop_waiting(&self.windows, &mut shared, self.observer);
         let counted = match &mut self.identification {
-            Some(identification) if assessed.is_ok() => identification.end_run(&pipeline.operated_s()),
+            Some(identification) if assessed.is_ok() => identification.end_run(&pipeline.run_ends()),
             _ => Ok(Vec::new()),
         };
         let counted = counted.and_then(|notices| {

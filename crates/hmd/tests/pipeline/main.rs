@@ -3,6 +3,7 @@
 mod dbc;
 mod fallen_damage;
 mod layouts;
+mod learnt_part;
 mod pages;
 mod replaced_unit;
 mod samples;

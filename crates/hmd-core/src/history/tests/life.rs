@@ -4,6 +4,7 @@ use std::cell::Cell;
 
 use super::*;
 use crate::functional_check::{CHECK_LANES, RequirementCheck, UnmetRequirement};
+use crate::rul::NoTrend;
 
 #[test]
 fn what_is_left_can_be_worse_than_the_damage() {
@@ -252,4 +253,30 @@ fn insignificant_damages_together_miss_no_requirement() {
             assert!(n == 0 || found.limiting_criterion == expected, "± {sigma}, window {n}");
         }
     }
+}
+
+/// Friction is critical by its remaining life and jumps; the forecast of backlash alone would be a warning.
+#[test]
+fn a_jump_for_the_worse_leaves_a_critical_life_to_no_other_fault() {
+    let config = config("hours = \"elapsed\"\nwarning_h = 4000\ncritical_h = 1000");
+    let mut history = UnitHistory::new(&config, None).expect("levels");
+    let mut jumped = 0;
+    for n in 0..24_u32 {
+        let mut worn = friction(if n < 16 { 0.008 * f64::from(n) } else { 0.5 });
+        worn.damage[FaultId::Backlash.index()] = 0.003 * f64::from(n);
+        let job = job(&config, n.into(), 10.0 * f64::from(n), 0.0);
+        let found = history.update(&job, &evidence(Some(&worn), &Fit::default()), &config);
+        let life = found.forecast.faults[FaultId::Friction.index()];
+        let is_critical = found.state == HealthState::Critical;
+        assert!(n != 15 || is_critical, "{:?}", found.forecast);
+        if matches!(life, Err(NoTrend::Jumped { .. })) {
+            jumped += 1;
+            assert!(
+                found.forecast.actuator.is_ok() && is_critical,
+                "window {n}: {:?}",
+                found.forecast
+            );
+        }
+    }
+    assert!(jumped > 0);
 }

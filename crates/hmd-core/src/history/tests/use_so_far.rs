@@ -157,6 +157,87 @@ fn windows_dropped_at_the_start_of_a_run_are_cycles() {
 }
 
 #[test]
+fn windows_dropped_at_the_end_of_a_run_are_cycles() {
+    let config = config("");
+    let mut histories = HistoryStore::new(config.clone());
+    let cycles = |histories: &mut HistoryStore, number| {
+        let job = job(&config, number, 0.0, 0.0);
+        let history = histories.history_at(&job.actuator, 0).expect("levels");
+        let fit = Fit {
+            i_q_measured: vec![2.0; 1000],
+            omega_measured: vec![-50.0; 1000],
+            ..Fit::default()
+        };
+        let used = history.update(&job, &evidence(None, &fit), &config).used;
+        (used.cycles.round() as u64, used.work_j / used.cycles)
+    };
+    let end = |histories: &mut HistoryStore, next_window: u64| {
+        let end = RunEnd {
+            next_window,
+            ..RunEnd::default()
+        };
+        histories.end_run([("ema0", end)].into_iter()).expect("levels");
+        histories.begin_run();
+    };
+    let (first, work_j) = cycles(&mut histories, 0);
+    assert_eq!(first, 1);
+    // Three of four were dropped; then a run whose two were dropped, and one without any.
+    [4, 2, 0]
+        .into_iter()
+        .for_each(|next_window| end(&mut histories, next_window));
+    let mut again = HistoryStore::new(config.clone());
+    again.restore("ema0", stored(&histories));
+    for mut histories in [histories, again] {
+        let (all, mean_j) = cycles(&mut histories, 0);
+        assert_eq!(all, 7);
+        assert!((mean_j / work_j - 1.0).abs() < 1e-9, "{mean_j} {work_j}");
+    }
+}
+
+/// Operating hours pass evenly between windows of a run; before the first window of one it is not known when it began.
+#[test]
+fn a_new_unit_inherits_neither_hours_nor_cycles_of_the_one_before() {
+    let config = config("");
+    // The window before, whether a run began since, the event, the first window after it: hours and number, operating hours so far.
+    for (between_runs, event_h, after, expected) in [
+        (false, 99.0, (100.0, 11, 600.0), (1.0, 1.0)),
+        (false, 50.0, (100.0, 11, 520.0), (10.0, 6.0)),
+        (false, 100.0, (100.0, 11, 600.0), (0.0, 1.0)),
+        (true, 50.0, (100.0, 3, 20.0), (20.0, 4.0)),
+        (true, 99.0, (100.0, 3, 20.0), (1.0, 1.0)),
+        // The clock was far ahead before.
+        (false, -10.0, (-5.0, 11, 520.0), (5.0, 4.0)),
+    ] {
+        let mut histories = HistoryStore::new(config.clone());
+        let used = |histories: &mut HistoryStore, (hours, number, operating_h): (f64, u64, f64)| {
+            let mut job = job(&config, number, 0.0, 3600.0 * operating_h);
+            job.window.t_start_ns = at(&config, hours);
+            let history = histories
+                .history_at(&job.actuator, job.window.t_start_ns)
+                .expect("levels");
+            let used = history.update(&job, &evidence(None, &Fit::default()), &config).used;
+            (used.hours, used.cycles)
+        };
+        used(&mut histories, (0.0, 0, 500.0));
+        if between_runs {
+            histories.begin_run();
+        }
+        histories.set_events(events(&[reset(at(&config, event_h), None)]));
+        let (hours, cycles) = used(&mut histories, after);
+        assert!(
+            (hours - expected.0).abs() < 1e-6 && (cycles - expected.1).abs() < 1e-9,
+            "{event_h} {after:?}: {hours} {cycles}"
+        );
+    }
+}
+
+/// A time some hours after the epoch of these tests, also before it, UTC ns.
+fn at(config: &Config, hours: f64) -> u64 {
+    let epoch_ns = job(config, 0, 0.0, 0.0).window.t_start_ns;
+    epoch_ns.saturating_add_signed((hours * HOUR_NS as f64) as i64)
+}
+
+#[test]
 fn operation_after_the_last_window_of_a_run_counts_also_in_a_run_without_any() {
     let config = config("");
     let mut histories = HistoryStore::new(config.clone());
@@ -167,7 +248,11 @@ fn operation_after_the_last_window_of_a_run_counts_also_in_a_run_without_any() {
         used.hours
     };
     let end = |histories: &mut HistoryStore, operating_s: f64| {
-        histories.end_run([("ema0", operating_s)].into_iter()).expect("levels");
+        let end = RunEnd {
+            operated_s: operating_s,
+            ..RunEnd::default()
+        };
+        histories.end_run([("ema0", end)].into_iter()).expect("levels");
         histories.begin_run();
     };
     end(&mut histories, 7200.0);

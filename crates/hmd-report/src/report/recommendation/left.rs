@@ -38,15 +38,8 @@ impl Left {
             false => before[fault.index()],
         });
         let dominant = history.newest.ends_first();
-        let is_first_end_replaced = dominant.map_or_else(
-            || {
-                history
-                    .replaced_since
-                    .iter()
-                    .any(|replacement| replacement.part.is_none())
-            },
-            is_replaced,
-        );
+        let mut since = history.replaced_since.iter();
+        let is_first_end_replaced = since.any(|replacement| history.newest.is_end_of(replacement.part));
         let (ends_first, hours, requirement) = if is_first_end_replaced {
             let (ends_first, hours) = first_end(rul.faults(), is_replaced);
             (ends_first, hours, None)
@@ -162,6 +155,7 @@ pub(in super::super) fn friction_replaced(replaced: &[Replacement]) -> Option<Fr
 
 /// Whether nothing is known of this fault once these parts, or the actuator (`None`), are others.
 pub(in super::super) fn clears(replaced: &[Replacement], fault: FaultId) -> bool {
-    let is_of = |part: Option<ReplacedPart>| part.is_none_or(|part| part.faults().contains(&fault));
-    replaced.iter().any(|replacement| is_of(replacement.part))
+    replaced
+        .iter()
+        .any(|replacement| ReplacedPart::renews(replacement.part, fault))
 }

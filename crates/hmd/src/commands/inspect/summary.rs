@@ -182,11 +182,16 @@ mod tests {
         // Worse by the remaining life: the part that ends first.
         health.health = "critical".to_owned();
         health.set_damage([Some(0.04), None, None, None, None, None, None]);
-        let rul = Rul {
-            dominant_fault: "friction".to_owned(),
-            ..Rul::default()
-        };
-        let line = line_of(&health, &rul, None);
+        let mut newest = Newest::default();
+        newest.add(health.clone());
+        for (fault, p10) in [("friction", Some(9.0)), ("backlash", None)] {
+            newest.add_rul(Rul {
+                dominant_fault: fault.to_owned(),
+                rul_p10_h: p10,
+                ..Rul::default()
+            });
+        }
+        let line = summary_line(&newest, None);
         assert_eq!(line, "HMD1/EMA0/W0/19700101T0000Z/CRITICAL/INVALID/FRIC 4 BKLSH/NO RUL");
         health.set_states(&[HealthState::Nominal; FaultId::COUNT]);
         let line = line_of(&health, &Rul::default(), None);

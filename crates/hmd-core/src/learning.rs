@@ -127,16 +127,6 @@ impl Learner {
         Ok(true)
     }
 
-    /// Leaves the unit of the last window as it is where that window completed what it is learnt from: for a run that ends.
-    pub fn skip_complete(&mut self) {
-        if let Some(actuator) = self.complete.take() {
-            let name = &actuator.name;
-            self.notices.push(format!(
-                "{name}: not commissioned, the run ends: it is learnt by the next windows"
-            ));
-        }
-    }
-
     fn commission(&mut self, assessor: &mut Assessor, actuator: &Arc<ActuatorConfig>) -> Result<(), AssessError> {
         let name = &actuator.name;
         let Some(kept) = self.windows.get_mut(name) else {
@@ -205,30 +195,5 @@ impl Learner {
     /// What an operator should read, since the last call.
     pub fn take_notices(&mut self) -> Vec<String> {
         std::mem::take(&mut self.notices)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::assess::Models;
-
-    #[test]
-    fn a_run_that_ends_commissions_nothing_and_says_so() {
-        let config = Arc::new(Config::from_toml_str("[[actuator]]\nid = 0\n", "hmd.toml").expect("a configuration"));
-        let models = Models::load_types(&config, &|_| Err(std::io::ErrorKind::Unsupported.into())).expect("models");
-        let mut assessor = Assessor::new(config.clone(), models, 1);
-        let mut learner = Learner::new(config.clone(), 1);
-        learner.skip_complete();
-        assert!(learner.take_notices().is_empty());
-        learner.complete = Some(Arc::new(config.actuators()[0].clone()));
-        learner.skip_complete();
-        let told = learner.take_notices();
-        assert_eq!(told.len(), 1);
-        assert!(
-            told[0].ends_with("not commissioned, the run ends: it is learnt by the next windows"),
-            "{told:?}"
-        );
-        assert!(!learner.commission_complete(&mut assessor).expect("no error"));
     }
 }

@@ -119,13 +119,7 @@ impl<'a, C: HostClock> Identification<'a, C> {
             || windows.look(|waiting| waiting.iter().map(|waiting| waiting.arrived).collect()),
             |limit| self.learner.assess(&mut self.assessor, job, limit),
         )?;
-        // It takes as long as many assessments, for which an end does not wait.
-        let commissioned = if windows.is_ending() {
-            self.learner.skip_complete();
-            false
-        } else {
-            self.learner.commission_complete(&mut self.assessor)?
-        };
+        let commissioned = self.learner.commission_complete(&mut self.assessor)?;
         let took = self.clock.instant() - since;
         // Before the lock is taken: frames need not wait for files. What was learnt goes before the history says that the event was followed: the
         // power may fail between.

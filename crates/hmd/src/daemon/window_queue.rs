@@ -106,11 +106,6 @@ impl<T> WindowQueue<T> {
         self.lock().ends = Some(time);
     }
 
-    /// Whether the run ends.
-    pub(super) fn is_ending(&self) -> bool {
-        self.lock().ends.is_some()
-    }
-
     /// Whether the time has come from which on no further window is to be popped.
     pub(super) fn is_over(&self, now: Duration) -> bool {
         self.lock().ends.is_some_and(|ends| now >= ends)

@@ -7,6 +7,7 @@ mod limits;
 mod maps;
 mod names;
 mod signals;
+mod types;
 
 use std::path::Path;
 

@@ -152,3 +152,14 @@ fn the_file_of_a_drive_of_cia_402_is_its_own_or_that_of_its_bus() {
         );
     }
 }
+
+#[test]
+fn a_drive_or_a_mapped_actuator_is_on_no_serial_line() {
+    let line = "[[serial]]\nbus = \"can0\"\ndevice = \"ttyS0\"\n";
+    let on_bus = drive("odrive", "").replace("[actuator.drive]", "bus = \"can0\"\n[actuator.drive]");
+    for text in [on_bus, OF_DBC.to_owned()] {
+        let refused = refusal(&format!("{text}{line}"));
+        let expected = "serial[0].bus: expected the bus of actuators without a DBC file or a drive, which are of CAN";
+        assert!(refused.contains(expected), "{refused}");
+    }
+}

@@ -44,6 +44,11 @@ fn a_search_has_runs_for_one_population_at_least() {
         refusal("[identification]\npopulation = 40\nevaluations_max = 39"),
         "hmd.toml:3: identification.evaluations_max: expected at least population = 40, found 39"
     );
+    let set = read("[identification]\ngenerations = 7\ndeadline_ms = 250");
+    assert_eq!(
+        (set.identification().generations, set.identification().deadline_ms),
+        (7, Some(250))
+    );
     assert!(
         refusal("[identification]\npopulation = 5001")
             .ends_with("at least population = 5001, found 5000 (not set here)")
@@ -132,6 +137,7 @@ fn the_step_of_a_specification_takes_ten_seconds_at_most() {
         ),
         "{refused}"
     );
+    read(&step(1.0, required));
     // Without a requirement nothing is simulated.
     read(&step(1.001, ""));
 }
@@ -173,4 +179,12 @@ fn a_unit_is_learnt_into_a_folder_and_not_calibrated_as_well() {
             refusal(&actuator(keys))
         );
     }
+}
+
+#[test]
+fn a_default_that_another_setting_rules_out_is_named_where_it_would_stand() {
+    let refused = refusal("[type.bench.controller]\nperiod_s = 9e-5");
+    let expected = "type.bench.sensors.sample_rate_hz: expected a rate whose sample period is a whole multiple of \
+                    controller.period_s = 0.00009, found 2000 (not set here)";
+    assert!(refused.ends_with(expected), "{refused}");
 }

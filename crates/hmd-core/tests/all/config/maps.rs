@@ -61,6 +61,8 @@ fn what_a_log_lacks_hides_faults() {
     let config = read(ALL);
     let (actuator, _) = config.actuator_of_logs().unwrap();
     assert!(actuator.has_set_point() && actuator.has_output_angle() && actuator.hidden_faults().next().is_none());
+    let config = read(&format!("{LEAST}position.output = \"o\""));
+    assert!(config.actuators()[0].has_output_angle(), "whatever else it lacks");
     let config = read("");
     assert!(config.actuator_of_logs().is_none());
     let frames = &config.actuators()[0];

@@ -18,7 +18,7 @@ fn map(text: &str) -> SignalMap {
 
 fn binding(map: &SignalMap, role: Role) -> Binding {
     let mut all = map.messages.iter().flat_map(|message| &message.bindings);
-    all.find(|of| of.role == role).cloned().unwrap()
+    all.find(|of| of.role == role).cloned().expect("mapped")
 }
 
 /// The example with another value for a key.
@@ -26,7 +26,7 @@ fn with(key: &str, value: &str) -> String {
     let line = OF_DBC
         .lines()
         .find(|line| line.starts_with(&format!("{key} = ")))
-        .unwrap();
+        .expect("a key of the example");
     OF_DBC.replace(line, &format!("{key} = {value}"))
 }
 

@@ -110,6 +110,8 @@ pub(crate) fn check(wanted: Option<&str>) -> anyhow::Result<()> {
             .args(["--package", module.package])
             .args(["--test-package", module.tests])
             .args(["--shard", &format!("0/{}", module.one_in)])
+            // A sample is of all files, not of the first one.
+            .args(["--sharding", "round-robin"])
             // Optimising across units again takes most of the time of a build after one change.
             .args(["--cargo-arg", "--config=profile.dev.lto='off'"])
             .arg("--output")

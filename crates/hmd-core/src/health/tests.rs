@@ -206,7 +206,7 @@ fn what_no_window_has_shown_is_unknown() {
     for (damage, sigma, expected) in [
         (0.0, f64::INFINITY, Nominal),
         (0.29, 0.3, Nominal),
-        (0.31, 0.3, Unknown),
+        (0.3, 0.3, Unknown),
         (0.29, 0.3, Unknown),
         (0.2, 0.05, Watch),
         (0.31, 0.3, Watch),
@@ -231,6 +231,66 @@ fn the_damages_of_a_window_are_shown_or_uncertain() {
     assert_eq!(shown.uncertain(&levels), [(FaultId::Friction, 0.22, 0.46)]);
     let nothing = uncertain(0.22, f64::INFINITY);
     assert_eq!((nothing.shown(&levels)[0], nothing.uncertain(&levels)), (None, vec![]));
+    // Exact in binary: two sigmas reach the level of warning, which is then not ruled out.
+    let levels = Levels {
+        warning: 0.5,
+        ..Levels::default()
+    };
+    for (damage, is_shown) in [(0.25, false), (0.25 - f64::EPSILON, true)] {
+        let shows = uncertain(damage, 0.125).shows(FaultId::Friction, &levels);
+        assert_eq!(shows, is_shown, "{damage}");
+    }
+}
+
+#[test]
+fn a_fault_has_fallen_where_a_window_shows_less_than_half_of_the_level_of_warning() {
+    let levels = Levels {
+        warning: 0.5,
+        ..Levels::default()
+    };
+    let after = |damage: f64| {
+        let mut health = Health::new([levels; FaultId::COUNT]).unwrap();
+        health.update(0, Some(&friction(damage)));
+        health
+    };
+    let (watch, warning, critical) = (after(0.4), after(0.55), after(0.7));
+    assert_eq!(warning.states()[..2], [HealthState::Warning, HealthState::Nominal]);
+    // Exact in binary: with three sigmas just half of the level, and less.
+    for (damage, sigma, has_fallen) in [
+        (0.25, 0.0, false),
+        (0.25 - f64::EPSILON, 0.0, true),
+        (0.0625, 0.0625, false),
+        (0.0625, 0.0624, true),
+        (0.0, 0.1, false),
+        (0.0, f64::INFINITY, false),
+        (f64::NAN, 0.0, false),
+    ] {
+        let fallen = |health: &Health| health.fallen(&uncertain(damage, sigma));
+        let expected = |state| Vec::from_iter(has_fallen.then_some((FaultId::Friction, state)));
+        assert_eq!(fallen(&warning), expected(HealthState::Warning), "{damage} ± {sigma}");
+        assert_eq!(fallen(&critical), expected(HealthState::Critical), "{damage} ± {sigma}");
+        assert_eq!(fallen(&watch), [], "{damage} ± {sigma}");
+    }
+}
+
+#[test]
+fn a_state_is_named_as_records_name_it_and_any_other_word_is_unknown() {
+    for state in HealthState::ALL {
+        assert_eq!(HealthState::named(state.name()), state);
+    }
+    assert_eq!(HealthState::named("Warning"), HealthState::Unknown);
+}
+
+#[test]
+fn a_memory_beyond_the_levels_is_not_possible() {
+    let mut health = health(1);
+    health.update(0, Some(&friction(1.0)));
+    assert!(health.is_possible());
+    let text = serde_json::to_string(&health).unwrap();
+    let damaged = text.replace("\"reached\":3", "\"reached\":4");
+    assert_ne!(text, damaged);
+    let damaged: Health = serde_json::from_str(&damaged).unwrap();
+    assert!(!damaged.is_possible());
 }
 
 #[test]

@@ -77,3 +77,30 @@ impl Limits {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::window::bench_slots::limits;
+
+    /// The bench: at most 200 rad/s, 14.4 Nm on 10⁻³ kg·m²; 65 536 counts in a turn of the motor, 20 000 in one of the output, a hundred
+    /// of the motor.
+    #[test]
+    fn a_counter_moves_no_further_than_three_times_the_top_speed_and_the_largest_torque_let_it() {
+        let is_near = |found: f64, expected: f64| (found - expected).abs() < 1e-4 * expected;
+        // Angles of the motor in one period, and by which they may differ from one to the next.
+        for (rate_hz, speed_rad, acceleration_rad) in [(2000.0, 0.3, 3.611_25e-3), (400.0, 1.5, 90.281_25e-3)] {
+            let limits = limits(rate_hz);
+            let (motor, output) = (10_430.378, 31.830_989);
+            assert!(is_near(limits.motor.speed, motor * speed_rad), "{limits:?}");
+            assert!(
+                is_near(limits.motor.acceleration, motor * acceleration_rad),
+                "{limits:?}"
+            );
+            assert!(is_near(limits.output.speed, output * speed_rad), "{limits:?}");
+            assert!(
+                is_near(limits.output.acceleration, output * acceleration_rad),
+                "{limits:?}"
+            );
+        }
+    }
+}

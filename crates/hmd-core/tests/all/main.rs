@@ -1,5 +1,6 @@
 //! Tests of the crate from outside.
 
+mod config;
 mod rul;
 mod window;
 mod window_properties;

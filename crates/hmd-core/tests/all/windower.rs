@@ -212,6 +212,54 @@ fn at_each_place_one_wrong_count_is_the_only_sample_that_is_filled() {
     }
 }
 
+#[test]
+fn a_rest_longer_than_the_window_is_watched_as_a_whole() {
+    let config = WindowConfig {
+        rest_ms: 100.0,
+        duration_ms: 50.0,
+        ..WindowConfig::default()
+    };
+    // Wherever in the memory of the last samples the step lies; a sample earlier there is no rest yet.
+    for (step, expected) in (200..620).map(|step| (step, 1)).chain([(199, 0)]) {
+        let mut windower = Windower::new(config, &bench(2000.0)).expect("possible settings");
+        let samples = step_at(step, step + 150);
+        let found: Vec<Window> = samples.iter().filter_map(|&sample| windower.push(sample)).collect();
+        assert_eq!(found.len(), expected, "{step}");
+        assert!(
+            found
+                .iter()
+                .all(|window| window.samples[window.trigger].seq == step as u64)
+        );
+    }
+}
+
+#[test]
+fn windows_are_numbered_from_where_another_windower_ended() {
+    let mut windower = windower().numbered_from(7);
+    assert_eq!(windower.next_number(), 7);
+    let samples = step_at(100, 1200);
+    let window = samples.iter().find_map(|&sample| windower.push(sample));
+    assert_eq!(
+        (window.map(|window| window.number), windower.next_number()),
+        (Some(7), 8)
+    );
+}
+
+#[test]
+fn a_window_in_which_the_rate_changes_is_cut_short_for_that() {
+    let mut windower = windower();
+    for sample in step_at(100, 300) {
+        assert_eq!(windower.push(sample), None);
+    }
+    let window = windower.finish_at_rate().expect("an open window");
+    let cut = Invalidity::CutShort(CutShort::RateChanged);
+    assert_eq!(
+        (window.quality, window.samples.len()),
+        (WindowQuality::Invalid(cut), 240)
+    );
+    assert_eq!(windower.finish_at_rate(), None);
+}
+
 // Checked again.
 
 /// The mixed actuation with another sign of a current, which no window may have.

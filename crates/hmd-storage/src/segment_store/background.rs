@@ -84,9 +84,8 @@ mod tests {
         }
     }
 
-    #[test]
-    fn stopped_it_ends_the_segment_in_hand_and_leaves_the_others() {
-        let folder = tempfile::tempdir().unwrap();
+    /// Three cut segments, and their repair as soon as the first is in hand.
+    fn first_in_hand(folder: &Path) -> (Vec<Name>, BackgroundRepair) {
         let names: Vec<Name> = (1..4)
             .map(|number| Name {
                 number,
@@ -95,23 +94,43 @@ mod tests {
             })
             .collect();
         for name in &names {
-            std::fs::write(folder.path().join(name.to_string()), cut_segment()).unwrap();
+            std::fs::write(folder.join(name.to_string()), cut_segment()).unwrap();
         }
         let disk = Arc::new(SlowDisk::default());
-        let mut repair = BackgroundRepair::begin(folder.path().to_owned(), names.clone(), disk.clone());
+        let repair = BackgroundRepair::begin(folder.to_owned(), names.clone(), disk.clone());
         let begun = Instant::now();
         while !disk.0.load(Ordering::Relaxed) {
             assert!(begun.elapsed() < Duration::from_secs(60));
             thread::yield_now();
         }
-        repair.stop();
-        let done: Vec<Name> = repair.take().into_iter().map(|(name, _)| name).collect();
-        assert_eq!(done, names[..1], "its report is not lost");
-        let exists = |name: &Name, stage| folder.path().join(name.with_stage(stage).to_string()).exists();
+        (names, repair)
+    }
+
+    fn assert_only_first_is_repaired(folder: &Path, names: &[Name]) {
+        let exists = |name: &Name, stage| folder.join(name.with_stage(stage).to_string()).exists();
         let state = |name: &Name| [Stage::Open, Stage::Repair, Stage::Closed].map(|stage| exists(name, stage));
         assert_eq!(state(&names[0]), [false, false, true], "repaired");
         for name in &names[1..] {
             assert_eq!(state(name), [true, false, false], "left to the next start");
         }
+    }
+
+    #[test]
+    fn stopped_it_ends_the_segment_in_hand_and_leaves_the_others() {
+        let folder = tempfile::tempdir().unwrap();
+        let (names, mut repair) = first_in_hand(folder.path());
+        repair.stop();
+        let done: Vec<Name> = repair.take().into_iter().map(|(name, _)| name).collect();
+        assert_eq!(done, names[..1], "its report is not lost");
+        assert_only_first_is_repaired(folder.path(), &names);
+    }
+
+    /// Whoever takes the folder next must not find it at work.
+    #[test]
+    fn dropped_it_waits_for_the_segment_in_hand() {
+        let folder = tempfile::tempdir().unwrap();
+        let (names, repair) = first_in_hand(folder.path());
+        drop(repair);
+        assert_only_first_is_repaired(folder.path(), &names);
     }
 }

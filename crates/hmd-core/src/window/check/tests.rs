@@ -541,6 +541,35 @@ fn an_angle_that_seems_to_jump_where_time_jitters_is_put_down_to_it() {
 }
 
 #[test]
+fn only_what_follows_from_misplaced_samples_is_put_down_to_jitter_and_only_to_much_of_it() {
+    let flawed = |defect| Invalidity::TooManyFlawed {
+        defect,
+        count: 30,
+        longest: 2,
+    };
+    let counter = Counter::Motor;
+    for (why, is_by_places) in [
+        (Invalidity::CommandInGap { at: 7 }, true),
+        (Invalidity::CounterJumped { counter, at: 7 }, true),
+        (flawed(Defect::Missing), true),
+        (flawed(Defect::MotorSpike), true),
+        (flawed(Defect::OutputSpike), true),
+        (flawed(Defect::CurrentSum), false),
+        (flawed(Defect::Repeated), false),
+        (Invalidity::Stuck(Signal::Motor), false),
+        (Invalidity::CountersDisagree { range_rad: 0.5 }, false),
+    ] {
+        for (jitter, is_much) in [(None, false), (Some(0.15), false), (Some(0.16), true)] {
+            let expected = match jitter {
+                Some(of_period) if is_by_places && is_much => Invalidity::TimeJitter { of_period },
+                _ => why,
+            };
+            assert_eq!(or_time_jitter(why, jitter), expected, "{why}, {jitter:?}");
+        }
+    }
+}
+
+#[test]
 fn of_several_reasons_the_first_in_the_order_of_the_page_is_given() {
     let limits = limits(2000.0);
     type Change = fn(usize, &mut SensedSample);

@@ -302,3 +302,14 @@ fn one_stuck_current_is_found_though_its_samples_were_refused_but_not_by_what_ne
     });
     assert!(!one_current_stuck(&nan, &exact()));
 }
+
+#[test]
+fn an_actuator_at_rest_is_not_stuck_wherever_it_stands() {
+    for turns in [-1000, 0, 1000] {
+        let slots = slots(100, |_, s| {
+            s.motor_counts = 65_536 * turns;
+            s.output_counts = 200 * turns;
+        });
+        assert_eq!(stuck(&slots, &limits(2000.0)), None, "{turns} turns of the motor");
+    }
+}

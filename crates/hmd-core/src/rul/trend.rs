@@ -396,6 +396,7 @@ mod tests {
 
     #[test]
     fn a_stored_trend_that_cannot_have_come_about_is_refused() {
+        type Change = fn(&mut Trend);
         let mut trend = Trend::new(0.8);
         for n in 0..40 {
             let at = Odometer {
@@ -406,7 +407,7 @@ mod tests {
             trend.update(at, 1e-2 * f64::from(n), 0.005);
         }
         assert!(trend.is_possible() && !trend.later.lines.is_empty());
-        let wrong: [(&str, fn(&mut Trend)); 13] = [
+        let wrong: [(&str, Change); 13] = [
             ("one law", |trend| trend.laws.truncate(1)),
             ("too many laws", |trend| {
                 let law = trend.laws[2].clone();

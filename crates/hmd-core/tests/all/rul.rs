@@ -390,6 +390,9 @@ fn growth_that_is_fast_or_ever_faster_is_no_jump() {
     }
 }
 
+/// Damage over hours.
+type Damage = Box<dyn Fn(f64) -> f64>;
+
 /// Growth that begins late, or whose speed changes: the trend is that of the growth there is now.
 #[test]
 fn a_change_of_growth_is_followed() {
@@ -401,7 +404,7 @@ fn a_change_of_growth_is_followed() {
         }
     };
     for from in [3, 6, 10, 15, 20, 33] {
-        let histories: [(&str, Box<dyn Fn(f64) -> f64>, f64); 4] = [
+        let histories: [(&str, Damage, f64); 4] = [
             ("late", Box::new(late(from)), 5e-4),
             ("faster", Box::new(kinked(from, 1e-4, 5e-4)), 5e-4),
             ("slower", Box::new(kinked(from, 3e-4, 1e-4)), 1e-4),

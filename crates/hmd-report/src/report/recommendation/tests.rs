@@ -244,9 +244,20 @@ fn no_action_is_never_said_of_windows_that_could_not_be_assessed() {
 #[test]
 fn a_state_by_the_remaining_life_names_the_part_that_ends_it() {
     let mut history = history(&["critical"], &[], [0.04; FaultId::COUNT]);
-    history.newest.rul.dominant_fault = "friction".to_owned();
-    let found = of(&history);
-    assert_eq!(found.action, "Repair before the next use: bearings, gear and screw.");
+    // By the newest forecast that there was: a record without hours names the largest damage.
+    for (fault, p10) in [("friction", Some(9.0)), ("short_a", None)] {
+        history.newest.add_rul(Rul {
+            dominant_fault: fault.to_owned(),
+            rul_p10_h: p10,
+            ..Rul::default()
+        });
+        let found = of(&history);
+        assert_eq!(found.action, "Repair before the next use: bearings, gear and screw.");
+    }
+    history.replaced_since = vec![replaced(ReplacedPart::Controller)];
+    assert_eq!(of(&history).state, HealthState::Critical);
+    history.replaced_since = vec![replaced(ReplacedPart::Gearbox)];
+    assert_eq!(of(&history).state, HealthState::Unknown);
 }
 
 #[test]

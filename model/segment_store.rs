@@ -146,7 +146,7 @@ impl World {
                     ..Health::default()
                 };
                 store.write(self.written, &health);
-                if store.sync_records() {
+                if store.sync_window() {
                     self.stored.push(self.written);
                 }
                 self.written += 1;

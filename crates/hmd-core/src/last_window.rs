@@ -10,7 +10,8 @@ use crate::windows_in_a_row::WindowsInARow;
 /// What is known by the last window. What it does not show is not known.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LastWindow {
-    pub(crate) t_start_ns: u64,
+    /// Its start, UTC ns.
+    pub t_start_ns: u64,
     /// Damage and its standard deviation, in the order of [`FaultId::ALL`].
     pub(crate) damage: [(Option<f64>, Option<f64>); FaultId::COUNT],
     /// In the same order.

@@ -3,6 +3,7 @@
 //! Each record is one protobuf message of package `hmd.v1` on one topic; `docs/records.md` is the table for readers of
 //! the file. A value that does not exist is absent (proto3 `optional`), never NaN.
 
+mod assessed;
 mod dropped;
 mod health;
 mod json;
@@ -17,6 +18,7 @@ mod status;
 mod window;
 mod window_status;
 
+pub use assessed::{Assessed, Ended};
 pub use dropped::Dropped;
 pub use health::{Estimate, Health};
 pub use json::{HealthLine, Interval};
@@ -98,6 +100,8 @@ mod tests {
         check::<Sensors>();
         check::<Status>();
         check::<Log>();
+        check::<Assessed>();
+        check::<Ended>();
         check::<Dropped>();
         check::<Shortened>();
     }

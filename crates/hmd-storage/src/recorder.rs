@@ -18,7 +18,7 @@ use hmd_core::assess::AssessedWindow;
 use hmd_core::config::{Config, Limits};
 use hmd_core::frame::{BusNames, RawFrame};
 use hmd_core::outbox::{Notice, WindowJob};
-use hmd_core::record::{Dropped, Log, LogLevel, Record, Status, StorageState, StoreStatus};
+use hmd_core::record::{Assessed, Dropped, Ended, Log, LogLevel, Record, Status, StorageState, StoreStatus};
 
 /// Why records cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -200,7 +200,7 @@ impl Recorder {
         }
     }
 
-    /// Writes the records of an assessed window, and syncs all records so far. Returns whether they are on the disk.
+    /// Writes the records of an assessed window, and syncs all frames and records so far. Returns whether the records are on the disk.
     ///
     /// # Errors
     /// When the file cannot be written.
@@ -215,7 +215,13 @@ impl Recorder {
                 if let Some(shortened) = &assessed.shortened {
                     store.write_to_both(at, shortened);
                 }
-                store.sync_records()
+                let mark = Assessed {
+                    actuator: assessed.health.actuator.clone(),
+                    window: assessed.health.window,
+                    t_start_ns: at,
+                };
+                store.write_to_raw(at, &mark);
+                store.sync_window()
             }
             Output::File { .. } => {
                 self.file(|writer| {
@@ -273,6 +279,13 @@ impl Recorder {
         self.write(at, &Log::new(at, level, "hmd", &notice.message))
     }
 
+    /// Notes among the frames that the run ends by itself now, and its unit histories are counted up to here. A file needs no such note.
+    pub fn note_end(&mut self, stamp_ns: u64) {
+        if let Output::Folder(store) = &mut self.output {
+            store.write_to_raw(stamp_ns, &Ended { t_ns: stamp_ns });
+        }
+    }
+
     /// Writes the counters as they stand at `stamp_ns`.
     ///
     /// # Errors
@@ -298,6 +311,15 @@ impl Recorder {
         match &mut self.output {
             Output::Folder(store) => store.take_messages(),
             Output::File { .. } | Output::Nowhere => Vec::new(),
+        }
+    }
+
+    /// The folder of segments; `None` for a file.
+    #[must_use]
+    pub fn folder(&self) -> Option<&Path> {
+        match &self.output {
+            Output::Folder(store) => Some(store.folder()),
+            Output::File { .. } | Output::Nowhere => None,
         }
     }
 
@@ -431,6 +453,13 @@ pub fn is_folder(path: &Path) -> bool {
     path.is_dir() || path.as_os_str().as_encoded_bytes().ends_with(b"/")
 }
 
+/// Entry of the metadata of a recording that marks each window which was assessed: frames of a folder by [`Assessed`], a file by its
+/// health records.
+pub const ASSESSED_KEY: &str = "assessed";
+
+/// Its value.
+pub const ASSESSED_MARKED: &str = "marked";
+
 /// Metadata of a record file.
 #[must_use]
 pub fn metadata(config: &Config, clock_source: &str, seed: u64) -> BTreeMap<String, String> {
@@ -440,6 +469,7 @@ pub fn metadata(config: &Config, clock_source: &str, seed: u64) -> BTreeMap<Stri
         ("config_hash", config.hash()),
         ("model_hash", hash_of_models(config)),
         ("seed", seed.to_string()),
+        (ASSESSED_KEY, ASSESSED_MARKED.to_owned()),
     ]
     .into_iter()
     .map(|(key, value)| (key.to_owned(), value))

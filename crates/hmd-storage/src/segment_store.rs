@@ -1,7 +1,7 @@
 //! A folder of segments: storage that survives kill -9, power cuts, full and failing disks.
 //!
 //! Raw frames and records go to segments of their own, so that old frames can go while the records stay. A segment is
-//! written under a name with `.part`, in whole chunks, each synced: records at once with a health record, everything
+//! written under a name with `.part`, in whole chunks, each synced: everything at once with a health record, and
 //! within a second ([`SegmentStore::tick`]). Full or old, it gets its summary and its closed name. A start repairs what a cut
 //! left behind ([`repair`](self)). `docs/storage.md` is the page for operators.
 //!
@@ -238,7 +238,7 @@ impl SegmentStore {
         self.close_segment(Kind::Raw);
     }
 
-    /// Writes one record; it is on the disk after the next [`SegmentStore::sync_records`] or [`SegmentStore::tick`].
+    /// Writes one record; it is on the disk after the next [`SegmentStore::sync_window`] or [`SegmentStore::tick`].
     pub fn write<R: Record>(&mut self, log_time_ns: u64, record: &R) {
         self.begin(Kind::Records);
         let put = self.records.write(|writer| writer.write(log_time_ns, record));
@@ -248,14 +248,21 @@ impl SegmentStore {
     /// Writes a record that a replay of the raw frames needs as well.
     pub fn write_to_both<R: Record>(&mut self, log_time_ns: u64, record: &R) {
         self.write(log_time_ns, record);
+        self.write_to_raw(log_time_ns, record);
+    }
+
+    /// Writes a record that a replay of the raw frames alone needs.
+    pub fn write_to_raw<R: Record>(&mut self, log_time_ns: u64, record: &R) {
         if self.raw.name().is_some() {
             let put = self.raw.write(|writer| writer.write(log_time_ns, record));
             self.check(Kind::Raw, put);
         }
     }
 
-    /// Brings all records to the disk. Whether they are there.
-    pub fn sync_records(&mut self) -> bool {
+    /// Brings all frames to the disk, then all records, so that no record is there without its frames. Whether the records are there.
+    pub fn sync_window(&mut self) -> bool {
+        let synced = self.raw.sync();
+        self.check(Kind::Raw, synced);
         let synced = self.records.sync();
         self.check(Kind::Records, synced);
         !self.records.has_failed()
@@ -311,6 +318,12 @@ impl SegmentStore {
             status: self.status(),
             messages: self.take_messages(),
         }
+    }
+
+    /// Where the segments are.
+    #[must_use]
+    pub fn folder(&self) -> &Path {
+        &self.folder
     }
 
     /// State of the store.

@@ -24,7 +24,7 @@ use hmd_core::pipeline::Pipeline;
 use hmd_core::record::LogLevel;
 use hmd_ingest::Loss;
 use hmd_ingest::file::{FrameSource, open_mapped};
-use hmd_storage::calibration_file::load_models;
+use hmd_storage::calibration_file::{load_learnt, load_models};
 use hmd_storage::event_file::load_events;
 use hmd_storage::recorder::{RecordObserver, Recorder, metadata};
 use hmd_storage::same_file::is_same_file;
@@ -69,8 +69,10 @@ struct Run<'a, O> {
     recorder: Option<Recorder>,
     observer: &'a mut O,
     windows: u64,
-    /// What became of windows for want of time when the logs were made.
+    /// What became of windows when the logs were made.
     live: LiveDecisions,
+    /// Windows of the log that its run did not come to.
+    left_out: u64,
     /// Newest stamp of each interface, ns: frames of a later log up to it have been seen or come out of order.
     newest_ns: BTreeMap<u16, u64>,
     damaged_places: u64,
@@ -131,6 +133,10 @@ impl Replay<'_> {
         let mut assessor =
             Assessor::new(self.config.clone(), load_models(&self.config)?, self.seed).with_estimator(estimator);
         assessor.histories().set_events(load_events(&self.config)?);
+        let live = LiveDecisions::of(self.logs, &self.config.hash());
+        if let Some(from_ns) = live.captures_from_ns {
+            self.take_learnt(&mut assessor, from_ns)?;
+        }
         let mut run = Run {
             pipeline: Pipeline::new(self.config.clone()),
             assessor,
@@ -138,7 +144,8 @@ impl Replay<'_> {
             recorder,
             observer,
             windows: 0,
-            live: LiveDecisions::of(self.logs),
+            live,
+            left_out: 0,
             newest_ns: BTreeMap::new(),
             damaged_places: 0,
             losses_of_log: 0,
@@ -147,7 +154,7 @@ impl Replay<'_> {
             segment: LastSegment::default(),
         };
         let mut read_before = 0;
-        for log in self.logs {
+        for (number, log) in self.logs.iter().enumerate() {
             let source = match opened.take() {
                 Some(source) => source,
                 None => open_mapped(log, names, &self.config)?,
@@ -158,13 +165,16 @@ impl Replay<'_> {
                 run.end_windows()?;
             }
             if matches!(succession, Succession::AnotherRun) {
-                let ends = run.pipeline.run_ends();
-                let counted = run.assessor.histories().end_run(ends);
-                counted.map_err(AssessError::from)?;
+                if !run.live.is_cut() {
+                    let ends = run.pipeline.run_ends();
+                    let counted = run.assessor.histories().end_run(ends);
+                    counted.map_err(AssessError::from)?;
+                }
                 run.pipeline.begin_recording();
                 run.assessor.histories().begin_run();
                 run.learner.begin_run();
             }
+            run.live.begin_log(number);
             run.follow_units(log, &self.config)?;
             let store_raw = self.config.output().raw_frames;
             names = run.one_log(log, source, continued, &mut read_before, store_raw)?;
@@ -176,6 +186,21 @@ impl Replay<'_> {
             run.notice(&Notice { stamp_ns, message }, LogLevel::Warning)?;
         }
         run.finish(&names, self)
+    }
+
+    /// Captures lack the windows that a unit is learnt from: takes what a daemon has learnt, unless the unit was replaced since the time of
+    /// the captures.
+    fn take_learnt(&self, assessor: &mut Assessor, from_ns: u64) -> Result<(), ReplayError> {
+        for (_, actuator, unit) in load_learnt(&self.config)? {
+            let until_ns = unit
+                .sensors
+                .as_ref()
+                .map_or(u64::MAX, |of| u64::try_from(of.until_ns).unwrap_or(0));
+            if !assessor.histories().is_replaced_between(actuator, from_ns, until_ns) {
+                assessor.set_unit(&actuator.name, unit);
+            }
+        }
+        Ok(())
     }
 
     fn create(&self, path: &Path) -> Result<Recorder, ReplayError> {
@@ -280,7 +305,15 @@ impl<O: Observer> Run<'_, O> {
 
     fn end_windows(&mut self) -> Result<(), ReplayError> {
         self.pipeline.finish();
-        self.assess_windows()
+        self.assess_windows()?;
+        let left_out = std::mem::take(&mut self.left_out);
+        if left_out > 0 {
+            let windows = counted(left_out, "window is", "windows are");
+            let message = format!("{windows} left out: not assessed when the run was killed, or not yet");
+            let stamp_ns = self.pipeline.last_stamp_ns();
+            self.notice(&Notice { stamp_ns, message }, LogLevel::Info)?;
+        }
+        Ok(())
     }
 
     fn assess_windows(&mut self) -> Result<(), ReplayError> {
@@ -290,6 +323,10 @@ impl<O: Observer> Run<'_, O> {
         for job in self.pipeline.take_windows() {
             self.windows += 1;
             let key = (job.actuator.name.clone(), job.window.t_start_ns);
+            if !self.live.came_to(&key) {
+                self.left_out += 1;
+                continue;
+            }
             if self.live.dropped.contains(&key) {
                 self.pipeline.losses.windows += 1;
                 if let Some(recorder) = &mut self.recorder {
@@ -393,6 +430,7 @@ mod tests {
             observer: &mut Nobody,
             windows: 0,
             live: LiveDecisions::default(),
+            left_out: 0,
             newest_ns: BTreeMap::new(),
             damaged_places: 0,
             losses_of_log: 0,

@@ -55,7 +55,8 @@ impl NoWindows {
 fn is_frames_alone<R: Read + Seek>(messages: &McapMessages<R>) -> bool {
     let metadata = messages.metadata(METADATA_NAME);
     let has_configuration = metadata.is_some_and(|metadata| metadata.contains_key("config_hash"));
-    !has_configuration || messages.topics().iter().all(|topic| topic.starts_with("/bus/"))
+    let is_raw = metadata.is_some_and(|metadata| metadata.get("segment_kind").is_some_and(|kind| kind == "raw"));
+    !has_configuration || is_raw || messages.topics().iter().all(|topic| topic.starts_with("/bus/"))
 }
 
 impl fmt::Display for NoWindows {

@@ -138,7 +138,7 @@ impl Bench {
             ..Health::default()
         };
         store.write(window, &health);
-        store.sync_records()
+        store.sync_window()
     }
 
     fn tick(&mut self, store: &mut SegmentStore, seconds: u64) {

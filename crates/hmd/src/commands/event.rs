@@ -1,15 +1,18 @@
 //! `hmd event`: enter maintenance, so that a new unit does not inherit a trend, or ask for the frames of a time.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use super::instant::instant;
 use super::{Exit, Misuse, load_config, say, warn};
 use crate::daemon::held_s;
 
-use hmd_core::history::{Event, EventKind, ReplacedPart};
+use hmd_core::config::Config;
+use hmd_core::history::{Event, EventKind, HistoryStore, ReplacedPart};
 use hmd_core::timestamp;
 use hmd_storage::clock::now_ns;
 use hmd_storage::event_file::append;
+use hmd_storage::history_file;
 
 /// Most characters of a note: it goes into one line of the journal.
 const NOTE_MAX: usize = 200;
@@ -77,6 +80,16 @@ fn note(text: &str) -> Result<String, String> {
     Ok(text.to_owned())
 }
 
+/// Start of the newest window in the history of an actuator that a daemon keeps, UTC ns.
+fn newest_window_ns(config: &Config, actuator: &str) -> Option<u64> {
+    let folder = config.resolve(config.rul().state.as_ref()?);
+    let history = history_file::load(&folder, actuator).ok()??;
+    let mut histories = HistoryStore::new(Arc::new(config.clone()));
+    histories.restore(actuator, history);
+    let newest_ns = histories.restored_states().next()?.1.last_window.t_start_ns;
+    Some(newest_ns)
+}
+
 /// Runs the verb.
 ///
 /// # Errors
@@ -119,6 +132,13 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     if event.t_ns > now {
         warn(format_args!("--at: warning: {minute} UTC is still to come"));
     }
+    let newest_ns = newest_window_ns(&config, actuator);
+    if kind == EventKind::Reset && newest_ns.is_some_and(|newest_ns| event.t_ns <= newest_ns) {
+        warn(format_args!(
+            "--at: warning: {actuator} was assessed since {minute} UTC: what a daemon has said of it since then stays; a replay resets it \
+             from then on"
+        ));
+    }
     let held_s = held_s(&config);
     let age_s = 1e-9 * now.saturating_sub(event.t_ns) as f64;
     if kind == EventKind::Keep && age_s > held_s {
@@ -132,7 +152,9 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
                 || "history reset".to_owned(),
                 |part| format!("{} replaced, its faults begin anew", part.name()),
             );
-            format!("{actuator}: {what} from {minute} UTC on, with the next movement; noted in {noted}")
+            format!(
+                "{actuator}: {what} from {minute} UTC on, with the next movement; noted in {noted}, where to delete its line before that withdraws it"
+            )
         }
         EventKind::Keep => format!(
             "{actuator}: frames from {} s before to {} s after {minute} UTC asked for; noted in {noted}",

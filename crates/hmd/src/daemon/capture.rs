@@ -143,6 +143,11 @@ impl Capture {
         Ok(found)
     }
 
+    /// Whether frames that follow a time, as long as the configuration adds them to it, are there or may still come.
+    pub(super) fn has_later(&self, t_ns: u64) -> bool {
+        t_ns.saturating_add(self.after_ns) > self.gone_ns
+    }
+
     /// Gives up what no window asks for any more; to be called every second, so that a silent bus ends a capture as well.
     pub(super) fn tick(&mut self, now_ns: u64, put: Put<'_>) -> Result<(), RecordError> {
         let held_ns = self.held_ns;

@@ -76,15 +76,15 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
         names: BusNames,
         store_raw: bool,
         config: Option<Arc<Config>>,
+        keep_requests: KeepRequests,
         clock: &'a C,
     ) -> Self {
         let actuators = || config.iter().flat_map(|config| config.actuators());
         let passive = actuators().filter(|actuator| actuator.passive);
-        let keep_requests = config.as_deref().map(|config| KeepRequests::of(config, clock.utc_ns()));
         Self {
             clock,
             other_numbers: OtherNumbers::new(config.as_deref(), &names),
-            keep_requests: keep_requests.unwrap_or_default(),
+            keep_requests,
             not_reported: Some((0..names.len() as u16).collect()),
             names,
             pipeline,
@@ -404,16 +404,33 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
         if shared.capture.is_none() {
             return Ok(());
         }
-        for event in self.keep_requests.take_new() {
+        for request in self.keep_requests.take_new() {
+            let event = &request.event;
             let asked = format!("{}: asked for by hmd event --keep", event.actuator);
-            let why = event.note.map_or(asked.clone(), |note| format!("{asked}: {note}"));
+            let why = event
+                .note
+                .as_ref()
+                .map_or(asked.clone(), |note| format!("{asked}: {note}"));
+            let has_later = shared
+                .capture
+                .as_ref()
+                .is_some_and(|capture| capture.has_later(event.t_ns));
             let message = format!("frames wanted: {why}");
             let found = shared.with_capture(|capture, put| capture.want((event.t_ns, event.t_ns), why, put))?;
-            let (level, message) = match found {
-                Some(Found::NotAll) => (LogLevel::Warning, format!("{message}; they are no longer there")),
-                _ => (LogLevel::Info, message),
+            let (level, rest) = match found {
+                Some(Found::NotAll) if has_later && request.is_continued => {
+                    (LogLevel::Info, "; those since the restart are kept as well")
+                }
+                Some(Found::NotAll) if has_later => (
+                    LogLevel::Warning,
+                    "; those of the time itself are no longer there, later ones are kept",
+                ),
+                Some(Found::NotAll) => (LogLevel::Warning, "; they are no longer there"),
+                _ => (LogLevel::Info, ""),
             };
+            let message = format!("{message}{rest}");
             publish(&Notice { stamp_ns, message }, level, shared, observer)?;
+            self.keep_requests.note_answered(&request);
         }
         Ok(())
     }

@@ -6,6 +6,7 @@ use std::time::Duration;
 use super::capture::Capture;
 use super::host_clock::HostClock;
 use super::identification::Identification;
+use super::keep_requests::KeepRequests;
 use super::notices::Notices;
 use super::pipeline_thread::{PipelineThread, publish, publish_last_summaries};
 use super::{DaemonError, Observer, Shared, TICK, WindowQueue};
@@ -48,13 +49,19 @@ impl<'a, C: HostClock, O: Observer> Steps<'a, C, O> {
         };
         let store_raw = watch.as_ref().is_none_or(|(config, _)| config.output().raw_frames);
         let config = watch.as_ref().map(|(config, _)| config.clone());
-        let is_folder = recorder
-            .as_ref()
-            .is_some_and(|recorder| recorder.storage_status().is_some());
+        let is_folder = recorder.as_ref().is_some_and(|recorder| recorder.folder().is_some());
         let capture = config
             .as_ref()
             .filter(|_| is_folder)
             .and_then(|config| Capture::of(config, clock.utc_ns()));
+        let folder = recorder
+            .as_ref()
+            .and_then(Recorder::folder)
+            .filter(|_| capture.is_some());
+        let keep_requests = match (&config, folder) {
+            (Some(config), Some(folder)) => KeepRequests::of(config, folder, clock.utc_ns()),
+            _ => KeepRequests::default(),
+        };
         let mut identification = watch
             .map(|(config, seed)| Identification::new(config, seed, estimator, clock))
             .transpose()?;
@@ -76,7 +83,7 @@ impl<'a, C: HostClock, O: Observer> Steps<'a, C, O> {
                 notices: Notices::default(),
             }),
             windows: WindowQueue::new(),
-            pipeline: PipelineThread::new(pipeline, names, store_raw, config, clock),
+            pipeline: PipelineThread::new(pipeline, names, store_raw, config, keep_requests, clock),
             identification,
             clock,
             observer,
@@ -163,7 +170,11 @@ impl<'a, C: HostClock, O: Observer> Steps<'a, C, O> {
         });
         let published = publish_last_summaries(self.clock.utc_ns(), &mut shared, self.observer);
         let mut status = pipeline.status(&shared);
+        let is_counted = counted.is_ok() && assessed.is_ok() && self.identification.is_some();
         let written = shared.recorder.map_or(Ok(None), |mut recorder| {
+            if is_counted {
+                recorder.note_end(self.clock.utc_ns());
+            }
             recorder.write_status(self.clock.utc_ns(), &status)?;
             recorder.finish()
         });

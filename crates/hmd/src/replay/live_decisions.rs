@@ -1,56 +1,161 @@
-//! What a live run decided by time: replay must decide the same.
+//! What a live run decided by time, or what its end has decided: replay must decide the same.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::BufReader;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use prost::Message;
 
-use hmd_core::record::{Dropped, Record, Shortened};
-use hmd_storage::mcap::McapMessages;
+use hmd_core::metadata_checksum::is_sealed;
+use hmd_core::record::{Assessed, Dropped, Ended, Health, Record, Shortened};
+use hmd_storage::mcap::{McapMessage, McapMessages};
+use hmd_storage::mcap_writer::METADATA_NAME;
+use hmd_storage::recorder::{ASSESSED_KEY, ASSESSED_MARKED};
+use hmd_storage::segment_store::current_path;
 
-/// What a live run decided by time, out of the logs that it wrote; by actuator and start of each window.
+/// A window: its actuator, and its start, UTC ns.
+type WindowKey = (String, u64);
+
+/// Topics of what is looked for end like this.
+const TOPICS: [&str; 5] = ["/dropped", "/shortened", "/assessed", "/ended", "/health"];
+
+/// What live runs decided, out of the logs that they wrote.
 #[derive(Debug, Default)]
 pub(super) struct LiveDecisions {
-    pub(super) dropped: BTreeSet<(String, u64)>,
-    pub(super) shortened: BTreeMap<(String, u64), Shortened>,
+    pub(super) dropped: BTreeSet<WindowKey>,
+    pub(super) shortened: BTreeMap<WindowKey, Shortened>,
+    /// The runs that marked what they assessed, and were of this configuration: others have other windows.
+    runs: BTreeMap<String, MarkedRun>,
+    /// Which of them each log is of.
+    of_logs: Vec<Option<String>>,
+    current: Option<String>,
+    /// Where all logs are captures, the time of the oldest, UTC ns.
+    pub(super) captures_from_ns: Option<u64>,
+}
+
+/// A run that marked the windows it assessed.
+#[derive(Debug, Default)]
+struct MarkedRun {
+    /// Windows that were assessed or dropped, and that the replay has not met.
+    to_come: BTreeSet<WindowKey>,
+    /// It came to its end and counted the time of operation up to there.
+    is_ended: bool,
 }
 
 impl LiveDecisions {
     /// They must be known before their windows are met, and a run records them only later. A log that cannot be read has none; it is
     /// reported when it is replayed.
-    pub(super) fn of(logs: &[PathBuf]) -> Self {
+    pub(super) fn of(logs: &[PathBuf], config_hash: &str) -> Self {
         let mut found = Self::default();
+        let mut oldest_ns = Vec::new();
         for log in logs {
-            // Nothing else than a regular file can be read twice.
-            if !log.metadata().is_ok_and(|of| of.is_file()) {
-                continue;
-            }
-            let Ok(file) = File::open(log) else { continue };
-            let Ok(messages) = McapMessages::new(BufReader::new(file), &log.display().to_string()) else {
-                continue;
-            };
-            let topics = messages.topics();
-            let none = |topic: &String| !topic.ends_with("/dropped") && !topic.ends_with("/shortened");
-            if !topics.is_empty() && topics.iter().all(none) {
-                continue;
-            }
-            for message in messages.flatten() {
-                let data = message.data.as_slice();
-                if *message.schema == *Dropped::SCHEMA_NAME {
-                    let decoded = Dropped::decode(data);
-                    found
-                        .dropped
-                        .extend(decoded.map(|record| (record.actuator, record.t_start_ns)));
-                } else if *message.schema == *Shortened::SCHEMA_NAME {
-                    let decoded = Shortened::decode(data);
-                    found
-                        .shortened
-                        .extend(decoded.map(|record| ((record.actuator.clone(), record.t_start_ns), record)));
-                }
-            }
+            let (run, capture_ns) = found.read(log, config_hash).unwrap_or_default();
+            found.of_logs.push(run);
+            oldest_ns.push(capture_ns);
         }
+        let captures: Option<Vec<u64>> = oldest_ns.into_iter().collect();
+        found.captures_from_ns = captures.and_then(|oldest_ns| oldest_ns.into_iter().min());
         found
     }
+
+    /// Reads one log; the run that it is of, if that marked its windows, and of a capture the time of its first frame.
+    fn read(&mut self, log: &Path, config_hash: &str) -> Option<(Option<String>, Option<u64>)> {
+        let log = current_path(log);
+        // Nothing else than a regular file can be read twice.
+        if !log.metadata().is_ok_and(|of| of.is_file()) {
+            return None;
+        }
+        let file = File::open(&log).ok()?;
+        let mut messages = McapMessages::new(BufReader::new(file), &log.display().to_string()).ok()?;
+        let topics = messages.topics();
+        // The metadata stand before the first message.
+        let first = messages.by_ref().flatten().next();
+        let metadata = messages.metadata(METADATA_NAME);
+        let has = |key: &str| metadata.is_some_and(|found| found.contains_key(key));
+        let (is_capture, is_segment) = (has("capture"), has("run"));
+        let capture_ns = first.as_ref().filter(|_| is_capture).map(|message| message.log_time_ns);
+        let mut run = marked_run(&messages, &log, config_hash);
+        if let Some(run) = &run {
+            self.runs.entry(run.clone()).or_default();
+        }
+        let is_wanted = |topic: &String| TOPICS.iter().any(|end| topic.ends_with(end));
+        if topics.is_empty() || topics.iter().any(is_wanted) {
+            for message in first.into_iter().chain(messages.flatten()) {
+                self.take(&message, run.as_deref());
+            }
+        }
+        // Whoever took the records out of a file left the frames to be assessed; a folder has them in segments of their own.
+        if let Some(bare) = run.take_if(|run| !is_segment && self.runs[run].to_come.is_empty()) {
+            self.runs.remove(&bare);
+        }
+        Some((run, capture_ns))
+    }
+
+    fn take(&mut self, message: &McapMessage, run: Option<&str>) {
+        let data = message.data.as_slice();
+        let mut decided = None;
+        match &*message.schema {
+            Dropped::SCHEMA_NAME => {
+                let key = Dropped::decode(data).map(|record| (record.actuator, record.t_start_ns));
+                self.dropped.extend(key.clone());
+                decided = key.ok();
+            }
+            Shortened::SCHEMA_NAME => {
+                let decoded = Shortened::decode(data);
+                self.shortened
+                    .extend(decoded.map(|record| ((record.actuator.clone(), record.t_start_ns), record)));
+            }
+            Assessed::SCHEMA_NAME => {
+                let decoded = Assessed::decode(data);
+                decided = decoded.map(|record| (record.actuator, record.t_start_ns)).ok();
+            }
+            Health::SCHEMA_NAME => {
+                let decoded = Health::decode(data);
+                decided = decoded.map(|record| (record.actuator, record.t_start_ns)).ok();
+            }
+            _ => {}
+        }
+        if let Some(run) = run.and_then(|run| self.runs.get_mut(run)) {
+            run.to_come.extend(decided);
+            run.is_ended |= *message.schema == *Ended::SCHEMA_NAME;
+        }
+    }
+
+    /// The windows that come are of this log.
+    pub(super) fn begin_log(&mut self, number: usize) {
+        self.current = self.of_logs.get(number).cloned().flatten();
+    }
+
+    /// Whether the run of the log came to this window: behind the last one that it marked, it had none left to assess.
+    pub(super) fn came_to(&mut self, window: &WindowKey) -> bool {
+        let Some(run) = self.current_run() else {
+            return true;
+        };
+        let has_come = !run.to_come.is_empty();
+        run.to_come.remove(window);
+        has_come
+    }
+
+    /// Whether the run of the log was killed, or is under way, so that its time of operation counts to its last window alone.
+    pub(super) fn is_cut(&mut self) -> bool {
+        self.current_run().is_some_and(|run| !run.is_ended)
+    }
+
+    fn current_run(&mut self) -> Option<&mut MarkedRun> {
+        self.runs.get_mut(self.current.as_ref()?)
+    }
+}
+
+/// The run of a log, if it marks its windows and has this configuration; a file is a run of its own, a capture none.
+fn marked_run(messages: &McapMessages<BufReader<File>>, log: &Path, config_hash: &str) -> Option<String> {
+    let metadata = messages
+        .metadata(METADATA_NAME)
+        .filter(|found| is_sealed(METADATA_NAME, found))?;
+    let has = |key: &str, value: &str| metadata.get(key).is_some_and(|found| found == value);
+    if !has(ASSESSED_KEY, ASSESSED_MARKED) || !has("config_hash", config_hash) || metadata.contains_key("capture") {
+        return None;
+    }
+    let of_file = || log.display().to_string();
+    Some(metadata.get("run").cloned().unwrap_or_else(of_file))
 }

@@ -10,7 +10,8 @@ use hmd_core::health::HealthState;
 use hmd_core::metrics::last_windows::LastWindows;
 use hmd_core::metrics::render;
 use hmd_core::record::{
-    ActuatorStatus, Dropped, Health, InterfaceStatus, Log, RawBatch, Record, Rul, Sensors, Shortened, Status, Window,
+    ActuatorStatus, Assessed, Dropped, Ended, Health, InterfaceStatus, Log, RawBatch, Record, Rul, Sensors, Shortened,
+    Status, Window,
 };
 use hmd_core::windows_in_a_row::WindowsInARow;
 use prost_types::field_descriptor_proto::{Label, Type};
@@ -130,6 +131,8 @@ fn fields() {
     fields_of::<Health>(&mut ours);
     fields_of::<Rul>(&mut ours);
     fields_of::<Sensors>(&mut ours);
+    fields_of::<Assessed>(&mut ours);
+    fields_of::<Ended>(&mut ours);
     fields_of::<Dropped>(&mut ours);
     fields_of::<Shortened>(&mut ours);
     fields_of::<Status>(&mut ours);

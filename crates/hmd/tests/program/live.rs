@@ -21,7 +21,7 @@ use hmd_ingest::feed::Input;
 use hmd_ingest::live::LiveSource;
 use hmd_lab::simulate::{EPOCH_NS, traffic};
 use hmd_storage::clock::now_ns;
-use hmd_storage::recorder::{Recorder, metadata};
+use hmd_storage::recorder::{ASSESSED_KEY, Recorder, metadata};
 
 use super::lines::Lines;
 
@@ -146,7 +146,9 @@ fn segments_of_one_run_replay_like_one_file() {
         segment_bytes: 1,
         ..Limits::new(1, 3600, 1000, 0)
     };
-    let metadata = metadata(&config(), "test", SEED);
+    // Frames that nothing has assessed.
+    let mut metadata = metadata(&config(), "test", SEED);
+    metadata.remove(ASSESSED_KEY);
     let mut recorders = [
         Recorder::create(&one, &metadata).unwrap(),
         Recorder::open_folder(&several, &metadata, limits).unwrap(),

@@ -23,10 +23,10 @@ use hmd_storage::recorder::{Recorder, metadata};
 use super::{hmd, hmd_with_code};
 
 /// Time of the frames that were given.
-struct FrameClock {
+pub(super) struct FrameClock {
     start: Instant,
     start_ns: u64,
-    now_ns: AtomicU64,
+    pub(super) now_ns: AtomicU64,
 }
 
 impl Clock for FrameClock {
@@ -46,7 +46,7 @@ impl HostClock for FrameClock {
 }
 
 /// Such a clock that stands at a time, UTC ns.
-fn clock_from(start_ns: u64) -> FrameClock {
+pub(super) fn clock_from(start_ns: u64) -> FrameClock {
     FrameClock {
         start: Instant::now(),
         start_ns,
@@ -262,4 +262,63 @@ fn windows_left_at_the_end_of_a_run_are_recorded_and_a_replay_leaves_them_out() 
         .map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
     let again: Vec<u64> = again.map(|window| window["t_start_ns"].as_u64().unwrap()).collect();
     assert_eq!(again, starts);
+}
+
+#[test]
+fn a_request_that_no_daemon_saw_is_answered_by_the_next_and_by_no_other() {
+    let root = tempfile::tempdir().unwrap();
+    let text = "[output]\nraw_frames = false\n[rul]\nevents = \"events.jsonl\"\n\
+                [type.slow]\nbased_on = \"bench\"\n[type.slow.sensors]\nsample_rate_hz = 400\n\
+                [[actuator]]\nid = 0\nname = \"ema0\"\ntype = \"slow\"\n";
+    std::fs::write(root.path().join("hmd.toml"), text).unwrap();
+    hmd(root.path(), "simulate --rate 400 --windows 3 --seed 4 -o some.log");
+    let config = Arc::new(load_config(root.path().join("hmd.toml")).unwrap());
+    let mut source = open(&root.path().join("some.log")).unwrap();
+    let frames: Vec<RawFrame> = source.by_ref().map(Result::unwrap).collect();
+    let names = source.into_bus_names();
+    let start_ns = frames[0].stamp_ns;
+    // What a run says that begins then, with these frames; nobody assesses them.
+    let said_from = |begins_ns: u64, frames: &[RawFrame]| {
+        let (clock, said) = (clock_from(begins_ns), Said::default());
+        let about = metadata(&config, "host", 1);
+        let recorder = Recorder::open_folder(&root.path().join("out"), &about, config.output().limits()).unwrap();
+        let watch = Some((config.clone(), 1));
+        let estimator = Arc::new(Identification);
+        let mut steps = Steps::new(names.clone(), Some(recorder), watch, estimator, &clock, &said).unwrap();
+        let stamp_ns = begins_ns + 1_000_000;
+        steps.take(&mut vec![Input::Tick { stamp_ns }]).unwrap();
+        for frame in frames {
+            clock.now_ns.store(frame.stamp_ns, Relaxed);
+            steps.take(&mut vec![Input::Frame(*frame)]).unwrap();
+        }
+        steps.finish(Duration::ZERO).unwrap();
+        let mut notices = said.notices.into_inner().unwrap();
+        notices.retain(|notice| notice.contains("hmd event --keep"));
+        notices
+    };
+    assert_eq!(said_from(start_ns - 60_000_000_000, &[]), [] as [&str; 0]);
+    for (ago_ns, note) in [(30_000_000_000, "early"), (300_000_000, "late")] {
+        let event = Event {
+            t_ns: start_ns - ago_ns,
+            actuator: "ema0".to_owned(),
+            event: EventKind::Keep,
+            part: None,
+            note: Some(note.to_owned()),
+        };
+        event_file::append(&root.path().join("events.jsonl"), &event).unwrap();
+    }
+    let asked = "ema0: asked for by hmd event --keep";
+    let said = said_from(start_ns, &frames);
+    let expected = [
+        format!("frames wanted: {asked}: early; they are no longer there"),
+        format!("frames wanted: {asked}: late; those of the time itself are no longer there, later ones are kept"),
+    ];
+    assert_eq!(said[..2], expected, "{said:?}");
+    assert!(
+        said[2].starts_with("storage: frames kept in ") && said[2].ends_with("late"),
+        "{said:?}"
+    );
+    assert_eq!(said.len(), 3, "{said:?}");
+    let after_s = |ns: u64| start_ns + ns * 1_000_000_000;
+    assert_eq!(said_from(after_s(60), &[]), [] as [&str; 0]);
 }

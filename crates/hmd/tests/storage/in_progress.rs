@@ -36,7 +36,7 @@ fn segments_in_progress_are_read_and_what_is_torn_at_their_end_is_no_loss() {
         };
         store.write(health.t_start_ns, &health);
         store.write(health.t_start_ns, &rul);
-        assert!(store.sync_records());
+        assert!(store.sync_window());
     };
     let windows = || hmd(root.path(), "inspect --json segments/").lines().count();
     put(&mut store, 0);

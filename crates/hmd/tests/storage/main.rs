@@ -3,6 +3,7 @@
 mod captures;
 mod failing_disk;
 mod in_progress;
+mod killed;
 mod power_cut;
 mod recover;
 mod survive;

@@ -12,7 +12,7 @@ use std::process::{Command, Stdio};
 use std::sync::mpsc;
 use std::time::Duration;
 
-use crate::survive_rig::{FAILING, LOAD, compare, read, stored, write_load, writer_of};
+use crate::survive_rig::{FAILING, LOAD, compare, read, replayed, stored, write_load, writer_of};
 use hmd_core::config::Limits;
 use hmd_core::seed::mix;
 use hmd_storage::recorder::Recorder;
@@ -79,6 +79,14 @@ fn survives(kills: u64, longest: Duration) {
         "{kills} kills, {ended} of them after the end: {} records reported as stored, {found} found",
         reported_stored.len()
     );
+    // A replay gives what was stored: no window that a kill cut off, nor one that was under way. Of each kill there may be one that got its
+    // mark and no record.
+    let found = read(&folder.path().join("segments"));
+    let again = replayed(&folder.path().join("segments"));
+    let missing: Vec<_> = found.keys().filter(|key| !again.contains(key)).collect();
+    assert_eq!(missing, [] as [&(u64, u64); 0], "stored and not replayed");
+    let more = again.len() - found.len();
+    assert!(more as u64 <= kills, "{more} windows come only in the replay");
     let of_killed = reported_stored.len() as u64 - reported_last;
     assert!(of_killed > kills, "{of_killed} records are no load");
 }

@@ -14,6 +14,7 @@ use ema_models::reference::{Actuations, Scenario};
 use ema_models::{ActuatorParams, FaultVector, Profile};
 use ema_wire::ActuatorId;
 use hmd::daemon::{Daemon, Observer};
+use hmd::replay::{self, Replay};
 use hmd_core::assess::AssessedWindow;
 use hmd_core::config::Config;
 use hmd_core::config::Limits;
@@ -25,6 +26,7 @@ use hmd_ingest::live::LiveSource;
 use hmd_lab::simulate::{EPOCH_NS, traffic};
 use hmd_storage::mcap::{McapFrames, McapMessages};
 use hmd_storage::recorder::{Recorder, metadata};
+use hmd_storage::segment_store::raw_segments;
 use prost::Message;
 
 /// Names the folder for the process that writes; the number of the run follows.
@@ -171,6 +173,36 @@ pub(crate) fn read(folder: &Path) -> BTreeMap<(u64, u64), u64> {
         }
     }
     found
+}
+
+/// Start and number of each window that a replay of the folder gives.
+pub(crate) fn replayed(folder: &Path) -> BTreeSet<(u64, u64)> {
+    #[derive(Default)]
+    struct Windows(BTreeSet<(u64, u64)>);
+    impl replay::Observer for Windows {
+        fn assessed(&mut self, assessed: &AssessedWindow) -> io::Result<()> {
+            self.0.insert((assessed.health.t_start_ns, assessed.health.window));
+            Ok(())
+        }
+
+        fn notice(&mut self, _: &str) {}
+
+        fn progress(&mut self, _: u64) {}
+    }
+    let logs: Vec<_> = raw_segments(folder)
+        .unwrap()
+        .into_values()
+        .map(|raw| raw.path)
+        .collect();
+    let mut windows = Windows::default();
+    let replay = Replay {
+        logs: &logs,
+        output: None,
+        config: config(),
+        seed: 1,
+    };
+    replay.run(&mut windows).unwrap();
+    windows.0
 }
 
 /// Whether a segment ended before it had a header, or in its first chunk: nothing in it had been synced, and neither is

@@ -86,7 +86,7 @@ fn newest_window_ns(config: &Config, actuator: &str) -> Option<u64> {
     let history = history_file::load(&folder, actuator).ok()??;
     let mut histories = HistoryStore::new(Arc::new(config.clone()));
     histories.restore(actuator, history);
-    let newest_ns = histories.restored_states().next()?.1.last_window.t_start_ns;
+    let newest_ns = histories.restored_states(0).next()?.1.last_window.t_start_ns;
     Some(newest_ns)
 }
 

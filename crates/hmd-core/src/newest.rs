@@ -25,6 +25,8 @@ pub struct Newest {
     forecast_of: Option<FaultId>,
     /// Starts of the earliest and the latest window, UTC ns.
     period_ns: Option<[u64; 2]>,
+    /// Operating hours after the first and after the newest window that has them.
+    used_h: Option<[f64; 2]>,
     /// Whether the damage of each fault fell without a recorded repair, in the order of [`FaultId::ALL`]; until it is back, or its part is
     /// replaced.
     pub fallen: [bool; FaultId::COUNT],
@@ -69,6 +71,9 @@ impl Newest {
                 }
             }
         }
+        if let Some(used_h) = rul.operating_h {
+            self.used_h = Some([self.used_h.map_or(used_h, |[first, _]| first), used_h]);
+        }
         if rul.rul_p10_h.is_some() {
             self.has_forecast = true;
             self.forecast_of = FaultId::from_name(&rul.dominant_fault);
@@ -87,7 +92,11 @@ impl Newest {
             self.shown.forget(fault);
         }
         if is_life_new {
-            (self.rul, self.forecast_of) = (Rul::default(), None);
+            self.forecast_of = None;
+        }
+        match part {
+            None => self.rul = Rul::default(),
+            Some(_) => self.rul.forget(is_new),
         }
         // Of every part some fault is unknown now.
         let worst = states.into_iter().max().unwrap_or_default().max(by_life);
@@ -107,6 +116,24 @@ impl Newest {
     /// Notes that this recording is of another unit than the one before it.
     pub fn begin_unit(&mut self) {
         self.replaced = [true; FaultId::COUNT];
+    }
+
+    /// Notes that a part, or the unit (`None`), was replaced before this recording, which knew nothing of the one before it.
+    pub fn begin_part(&mut self, part: Option<ReplacedPart>) {
+        for fault in FaultId::ALL {
+            self.replaced[fault.index()] |= part.is_none_or(|part| part.faults().contains(&fault));
+        }
+    }
+
+    /// Whether a replacement at this time, UTC ns, lies between this recording and a later one, whose use begins anew: neither knows of it. A
+    /// recording that begins after now has a wrong clock.
+    #[must_use]
+    pub fn is_parted_from(&self, later: &Self, replaced_ns: u64, now_ns: u64) -> bool {
+        let (Some([_, last_ns]), Some([first_ns, _])) = (self.period_ns, later.period_ns) else {
+            return false;
+        };
+        let goes_on = matches!((self.used_h, later.used_h), (Some([_, before]), Some([after, _])) if before < after);
+        last_ns < replaced_ns && replaced_ns <= first_ns && first_ns <= now_ns && !goes_on
     }
 
     /// State of each fault, in the order of [`FaultId::ALL`].
@@ -133,6 +160,13 @@ impl Newest {
     #[must_use]
     pub fn newest_ns(&self) -> u64 {
         self.period_ns.map_or(u64::MAX, |_| self.health.t_start_ns)
+    }
+
+    /// The same; of recordings of the same windows that comes last which knows of more replacements, then the worse one.
+    #[must_use]
+    pub fn order(&self) -> (u64, usize, HealthState) {
+        let replaced = self.replaced.iter().filter(|replaced| **replaced).count();
+        (self.newest_ns(), replaced, HealthState::named(&self.health.health))
     }
 
     /// Whether some of these recordings of one unit lie among each other in time: of several units, or of one twice.
@@ -214,6 +248,10 @@ impl Newest {
                 .filter(|of| !later.has_forecast && !later.replaced[of.index()])),
             period_ns: match (self.period_ns, later.period_ns) {
                 (Some(a), Some(b)) => Some([a[0].min(b[0]), a[1].max(b[1])]),
+                (a, b) => a.or(b),
+            },
+            used_h: match (self.used_h, later.used_h) {
+                (Some(a), Some(b)) => Some([a[0], b[1]]),
                 (a, b) => a.or(b),
             },
             health: later.health,
@@ -460,5 +498,37 @@ mod tests {
             after(with("backlash", Some(900.0), "")),
             ("watch".to_owned(), Some(900.0))
         );
+    }
+
+    #[test]
+    fn a_replaced_part_that_ended_the_life_leaves_the_hours_of_the_others() {
+        let mut newest = recording(Watch, [Watch, Watch], true, "");
+        let mut rul = Rul {
+            rul_p10_h: Some(1.0),
+            rul_p50_h: Some(2.0),
+            rul_p90_h: Some(3.0),
+            failure_probability: Some(0.9),
+            horizon_h: Some(100.0),
+            dominant_fault: "short_a".to_owned(),
+            governed_by: "stall".to_owned(),
+            ..Rul::default()
+        };
+        let hours = [None, Some(200.0), Some(10.0), None, None, Some(20.0), Some(100.0)];
+        rul.set_faults(hours.map(|h| h.map(|h| ([h, h + 1.0, h + 2.0], h / 1000.0))));
+        newest.add_rul(rul);
+        let of = |part: ReplacedPart| {
+            let mut newest = newest.clone();
+            newest.replace(Some(part));
+            newest.rul
+        };
+        let motor = of(ReplacedPart::Motor);
+        let hours = [motor.rul_p10_h, motor.rul_p50_h, motor.rul_p90_h];
+        assert_eq!(hours, [100.0, 101.0, 102.0].map(Some));
+        assert_eq!((motor.failure_probability, motor.horizon_h), (Some(0.1), Some(100.0)));
+        assert_eq!((&*motor.dominant_fault, &*motor.governed_by), ("gain", "damage"));
+        assert_eq!((motor.short_a_p10_h, motor.backlash_p10_h), (None, Some(200.0)));
+        let gearbox = of(ReplacedPart::Gearbox);
+        assert_eq!((gearbox.rul_p10_h, &*gearbox.governed_by), (Some(1.0), "stall"));
+        assert_eq!((gearbox.short_a_p10_h, gearbox.backlash_p10_h), (Some(10.0), None));
     }
 }

@@ -147,6 +147,13 @@ mod tests {
         let axis = UseAxis::new(&history);
         assert_eq!(axis.marks, [(1, motor), (1, gearbox), (2, Mark::Unit)]);
         assert_eq!(axis.places, [1.0, 2.0, 3.0], "use goes on");
+        // Before a recording that knew nothing of the one before.
+        history.points[1].used_h = Some(0.0);
+        let marks = [(1, Mark::Reset), (1, motor), (1, gearbox), (2, Mark::Unit)];
+        assert_eq!(UseAxis::new(&history).marks, marks);
+        // Hours of operation and of the clock have no axis in common.
+        history.points[2].is_elapsed = true;
+        assert_eq!(UseAxis::new(&history).label, "window");
     }
 
     #[test]

@@ -285,6 +285,7 @@ mod tests {
     use super::super::history::Point;
     use super::*;
     use hmd_core::history::{Event, EventKind, Events, ReplacedPart};
+    use hmd_core::levels_text::levels_text;
 
     fn reset(t_ns: u64, note: &str) -> Event {
         Event {
@@ -366,6 +367,41 @@ mod tests {
         // Windows from a clock ahead of now.
         assert_eq!(entered(&[(17, 1.0, ""), (18, 2.0, "")], 10), (0, 1));
         assert_eq!(entered(&[(5, 1.0, "")], 10), (1, 0));
+    }
+
+    #[test]
+    fn the_levels_of_the_files_are_those_that_all_of_them_say() {
+        let low = Levels {
+            critical: 0.4,
+            ..Levels::default()
+        };
+        let levels = [low; FaultId::COUNT];
+        let recorded = |said: &[Option<f64>]| {
+            let source = |critical_h: &Option<f64>| {
+                let said =
+                    critical_h.map(|hours| [("levels", levels_text(&levels)), ("critical_h", hours.to_string())]);
+                let metadata = said.into_iter().flatten().map(|(key, text)| (key.to_owned(), text));
+                Source {
+                    metadata: metadata.collect(),
+                    ..Source::default()
+                }
+            };
+            let files = Files {
+                sources: said.iter().map(source).collect(),
+                ..Files::default()
+            };
+            files.recorded_levels()
+        };
+        assert_eq!(recorded(&[Some(50.0); 2]), Some((levels, 50.0)));
+        for said in [
+            &[][..],
+            &[None],
+            &[Some(50.0), None],
+            &[Some(50.0), Some(0.0)],
+            &[Some(f64::NAN)],
+        ] {
+            assert_eq!(recorded(said), None, "{said:?}");
+        }
     }
 
     #[test]

@@ -341,6 +341,23 @@ mod tests {
     }
 
     #[test]
+    fn parts_that_were_replaced_at_once_have_one_line() {
+        let mut points = vec![Point::default(), Point::default()];
+        for (n, point) in points.iter_mut().enumerate() {
+            point.window = n as u64;
+        }
+        points[1].replaced = "motor,gearbox".to_owned();
+        let history = History {
+            points,
+            ..History::default()
+        };
+        let svg = Drawn::new(&history).plot("", Axis::between("", 0.0, 1.0)).svg();
+        assert_eq!(svg.matches("class=\"replaced\"").count(), 1);
+        let legend = legend(&history, &Zone::utc());
+        assert!(legend.contains("motor replaced") && legend.contains("gearbox replaced"));
+    }
+
+    #[test]
     fn the_last_is_always_drawn_once() {
         for length in 0..50 {
             let all: Vec<usize> = (0..length).collect();

@@ -33,7 +33,7 @@ fn of_fault(history: &History, state: HealthState, fault: FaultId) -> Option<u64
     let mut since = None;
     for n in (0..end).rev() {
         let point = &history.points[n];
-        match point.states[fault.index()] {
+        match state_of(point, fault) {
             HealthState::Unknown => {}
             of_point if of_point < state => break,
             _ => since = Some(point.t_start_ns),
@@ -43,6 +43,15 @@ fn of_fault(history: &History, state: HealthState, fault: FaultId) -> Option<u64
         }
     }
     since
+}
+
+/// State of a fault after a window: by its damage, or by the remaining life that it ended first.
+fn state_of(point: &Point, fault: FaultId) -> HealthState {
+    let worst = point.states.into_iter().max().unwrap_or_default();
+    let by_life = HealthState::named(&point.health);
+    let is_by_life = by_life > worst && by_life >= HealthState::Watch && point.ends_first.is_none_or(|of| of == fault);
+    let by_life = Some(by_life).filter(|_| is_by_life).unwrap_or_default();
+    point.states[fault.index()].max(by_life)
 }
 
 /// The same of the actuator, as far as its parts are the same: by windows that reported a fault, where the newest assessed one did; else by the

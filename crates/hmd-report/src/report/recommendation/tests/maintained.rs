@@ -85,6 +85,21 @@ fn a_state_holds_since_its_fault_was_first_in_it_over_recordings() {
 }
 
 #[test]
+fn a_fault_was_critical_by_its_life_before_it_was_by_its_damage() {
+    let mut by_life = window(2, [Warning, Nominal, Nominal], "");
+    by_life.health = "critical".to_owned();
+    by_life.ends_first = Some(FaultId::Friction);
+    let mut points = vec![
+        window(1, [Warning, Nominal, Nominal], ""),
+        by_life,
+        window(3, [Critical, Nominal, Nominal], ""),
+    ];
+    assert_eq!(of(&of_windows(points.clone())).since_ns, Some(2));
+    points[1].ends_first = Some(FaultId::Backlash);
+    assert_eq!(of(&of_windows(points)).since_ns, Some(3));
+}
+
+#[test]
 fn an_actuator_stays_nominal_over_a_recording_that_knows_nothing_at_first() {
     let mut opening = window(3, [Unknown, Nominal, Nominal], "");
     opening.health = "unknown".to_owned();

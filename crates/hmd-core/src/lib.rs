@@ -27,6 +27,7 @@ pub mod health;
 pub mod history;
 pub mod last_window;
 pub mod learning;
+pub mod levels_text;
 pub mod log_map;
 pub mod metadata_checksum;
 pub mod metrics;

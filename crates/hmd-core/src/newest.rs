@@ -29,6 +29,8 @@ pub struct Newest {
     period_ns: Option<[u64; 2]>,
     /// All windows.
     windows: Vec<SeenWindow>,
+    /// Operating hours after the first and after the newest window that has them.
+    used_h: Option<[f64; 2]>,
     /// Whether the damage of each fault fell without a recorded repair, in the order of [`FaultId::ALL`]; until it is back, or its part is
     /// replaced.
     pub fallen: [bool; FaultId::COUNT],
@@ -38,8 +40,6 @@ pub struct Newest {
 #[derive(Clone, Debug, Default, PartialEq)]
 struct SeenWindow {
     t_start_ns: u64,
-    /// Operating hours so far.
-    used_h: Option<f64>,
     /// What was replaced before it: `unit`, or parts, joined by commas.
     replaced: String,
 }
@@ -89,8 +89,10 @@ impl Newest {
             }
         }
         if let Some(window) = self.windows.last_mut() {
-            window.used_h = rul.operating_h;
             window.replaced.clone_from(&rul.replaced);
+        }
+        if let Some(used_h) = rul.operating_h {
+            self.used_h = Some([self.used_h.map_or(used_h, |[first, _]| first), used_h]);
         }
         if let Some(end) = LifeEnd::of(&rul) {
             self.has_forecast = true;
@@ -110,7 +112,11 @@ impl Newest {
             self.shown.forget(fault);
         }
         if is_life_new {
-            (self.rul, self.end) = (Rul::default(), None);
+            self.end = None;
+        }
+        match part {
+            None => self.rul = Rul::default(),
+            Some(_) => self.rul.forget(is_new),
         }
         // Of every part some fault is unknown now.
         let worst = states.into_iter().max().unwrap_or_default().max(by_life);
@@ -129,10 +135,7 @@ impl Newest {
 
     /// Notes that this recording is of another unit than the one before it.
     pub fn begin_unit(&mut self) {
-        self.replaced.insert(None);
-        if let Some(first) = self.windows.first_mut() {
-            "unit".clone_into(&mut first.replaced);
-        }
+        self.begin_part(None);
     }
 
     /// Whether the windows know of a replacement before the newest of them: a window since then has followed it, or the history began after
@@ -143,14 +146,29 @@ impl Newest {
         let is_since = |window: &SeenWindow| window.t_start_ns >= event.t_ns;
         let mut since = self.windows.iter().filter(|window| is_since(window));
         let has_followed = since.any(|window| window.replaced.split(',').any(|of| of == what || of == "unit"));
-        let has_begun_anew = self.windows.windows(2).any(|pair| {
-            let [before, after] = [&pair[0], &pair[1]];
-            let has_gone_on = before.used_h < after.used_h;
-            !is_since(before) && is_since(after) && !has_gone_on
-        });
         let begun_ns = self.period_ns.map(|[first, _]| first);
         let has_begun = begun_ns.is_some_and(|begun_ns| (event.t_ns..=now_ns).contains(&begun_ns));
-        has_followed || has_begun_anew || has_begun
+        has_followed || has_begun
+    }
+
+    /// Notes that a part, or the unit (`None`), was replaced before this recording, which knew nothing of the one before it.
+    pub fn begin_part(&mut self, part: Option<ReplacedPart>) {
+        self.replaced.insert(part);
+        if let Some(first) = self.windows.first_mut() {
+            let what = part.map_or("unit", ReplacedPart::name);
+            first.replaced = format!("{},{what}", first.replaced);
+        }
+    }
+
+    /// Whether a replacement at this time, UTC ns, lies between this recording and a later one, whose use begins anew: neither knows of it. A
+    /// recording that begins after now has a wrong clock.
+    #[must_use]
+    pub fn is_parted_from(&self, later: &Self, replaced_ns: u64, now_ns: u64) -> bool {
+        let (Some([_, last_ns]), Some([first_ns, _])) = (self.period_ns, later.period_ns) else {
+            return false;
+        };
+        let goes_on = matches!((self.used_h, later.used_h), (Some([_, before]), Some([after, _])) if before < after);
+        last_ns < replaced_ns && replaced_ns <= first_ns && first_ns <= now_ns && !goes_on
     }
 
     /// State of each fault, in the order of [`FaultId::ALL`].
@@ -193,6 +211,14 @@ impl Newest {
     #[must_use]
     pub fn newest_ns(&self) -> u64 {
         self.period_ns.map_or(u64::MAX, |_| self.health.t_start_ns)
+    }
+
+    /// The same; of recordings of the same windows that comes last which knows of more replacements, then the worse one.
+    #[must_use]
+    pub fn order(&self) -> (u64, usize, HealthState) {
+        let is_replaced = |fault: &FaultId| self.has_renewed(*fault);
+        let replaced = FaultId::ALL.iter().filter(|fault| is_replaced(fault)).count();
+        (self.newest_ns(), replaced, HealthState::named(&self.health.health))
     }
 
     /// Whether some of these recordings of one unit lie among each other in time: of several units, or of one twice.
@@ -280,6 +306,10 @@ impl Newest {
                 (a, b) => a.or(b),
             },
             windows,
+            used_h: match (self.used_h, later.used_h) {
+                (Some(a), Some(b)) => Some([a[0], b[1]]),
+                (a, b) => a.or(b),
+            },
             health: later.health,
             rul: later.rul,
         };
@@ -557,5 +587,37 @@ mod tests {
             after(with("backlash", Some(900.0), "")),
             ("watch".to_owned(), Some(900.0))
         );
+    }
+
+    #[test]
+    fn a_replaced_part_that_ended_the_life_leaves_the_hours_of_the_others() {
+        let mut newest = recording(Watch, [Watch, Watch], true, "");
+        let mut rul = Rul {
+            rul_p10_h: Some(1.0),
+            rul_p50_h: Some(2.0),
+            rul_p90_h: Some(3.0),
+            failure_probability: Some(0.9),
+            horizon_h: Some(100.0),
+            dominant_fault: "short_a".to_owned(),
+            governed_by: "stall".to_owned(),
+            ..Rul::default()
+        };
+        let hours = [None, Some(200.0), Some(10.0), None, None, Some(20.0), Some(100.0)];
+        rul.set_faults(hours.map(|h| h.map(|h| ([h, h + 1.0, h + 2.0], h / 1000.0))));
+        newest.add_rul(rul);
+        let of = |part: ReplacedPart| {
+            let mut newest = newest.clone();
+            newest.replace(Some(part));
+            newest.rul
+        };
+        let motor = of(ReplacedPart::Motor);
+        let hours = [motor.rul_p10_h, motor.rul_p50_h, motor.rul_p90_h];
+        assert_eq!(hours, [100.0, 101.0, 102.0].map(Some));
+        assert_eq!((motor.failure_probability, motor.horizon_h), (Some(0.1), Some(100.0)));
+        assert_eq!((&*motor.dominant_fault, &*motor.governed_by), ("gain", "damage"));
+        assert_eq!((motor.short_a_p10_h, motor.backlash_p10_h), (None, Some(200.0)));
+        let gearbox = of(ReplacedPart::Gearbox);
+        assert_eq!((gearbox.rul_p10_h, &*gearbox.governed_by), (Some(1.0), "stall"));
+        assert_eq!((gearbox.short_a_p10_h, gearbox.backlash_p10_h), (Some(10.0), None));
     }
 }

@@ -5,6 +5,7 @@
 
 mod axis;
 mod commissioning;
+mod doubt;
 mod files;
 mod history;
 mod markup;
@@ -13,6 +14,8 @@ mod page;
 mod plot;
 mod quality;
 mod recommendation;
+mod replacements;
+mod rules;
 mod sections;
 mod sources;
 mod summary;
@@ -24,4 +27,5 @@ pub use commissioning::commissioning_page;
 pub use files::{Files, ReportError};
 pub use history::{History, Point};
 pub use page::{View, page};
+pub use replacements::Maintenance;
 pub use zone::Zone;

@@ -17,6 +17,7 @@ use crate::segment_store::{RealDisk, SegmentStore, SegmentStoreEnd, SegmentStore
 use hmd_core::assess::AssessedWindow;
 use hmd_core::config::{Config, Limits};
 use hmd_core::frame::{BusNames, RawFrame};
+use hmd_core::levels_text::levels_text;
 use hmd_core::outbox::{Notice, WindowJob};
 use hmd_core::record::{Assessed, Dropped, Ended, Log, LogLevel, Record, Status, StorageState, StoreStatus};
 
@@ -467,6 +468,8 @@ pub fn metadata(config: &Config, clock_source: &str, seed: u64) -> BTreeMap<Stri
         ("build", concat!("hmd ", env!("CARGO_PKG_VERSION")).to_owned()),
         ("clock_source", clock_source.to_owned()),
         ("config_hash", config.hash()),
+        ("critical_h", config.rul().critical_h.to_string()),
+        ("levels", levels_text(config.health().levels())),
         ("model_hash", hash_of_models(config)),
         ("seed", seed.to_string()),
         (ASSESSED_KEY, ASSESSED_MARKED.to_owned()),

@@ -182,4 +182,44 @@ impl Rul {
         ]
         .map(|(p10, p50, p90)| Some([p10?, p50?, p90?]))
     }
+
+    /// Probability of the end by each fault alone within the horizon, in the order of [`FaultId::ALL`].
+    fn probabilities(&self) -> [Option<f64>; FaultId::COUNT] {
+        [
+            self.friction_failure_probability,
+            self.backlash_failure_probability,
+            self.short_a_failure_probability,
+            self.short_b_failure_probability,
+            self.short_c_failure_probability,
+            self.eccentricity_failure_probability,
+            self.gain_failure_probability,
+        ]
+    }
+
+    /// Forgets what is left to faults whose part was replaced since. Where one of them ended the life first, the earliest end of the others does.
+    pub(crate) fn forget(&mut self, is_new: impl Fn(FaultId) -> bool) {
+        let (hours, probabilities) = (self.faults(), self.probabilities());
+        let left = FaultId::ALL.map(|fault| {
+            let hours = hours[fault.index()].filter(|_| !is_new(fault))?;
+            Some((hours, probabilities[fault.index()].unwrap_or(f64::NAN)))
+        });
+        self.set_faults(left);
+        if !FaultId::from_name(&self.dominant_fault).is_some_and(&is_new) {
+            return;
+        }
+        let ends = FaultId::ALL.into_iter().zip(left);
+        let first = ends
+            .filter_map(|(fault, left)| left.map(|(hours, _)| (fault, hours)))
+            .min_by(|a, b| a.1[0].total_cmp(&b.1[0]));
+        let hours = first.map(|(_, hours)| hours);
+        (self.rul_p10_h, self.rul_p50_h, self.rul_p90_h) =
+            (hours.map(|h| h[0]), hours.map(|h| h[1]), hours.map(|h| h[2]));
+        (self.rul_p10_cycles, self.rul_p50_cycles, self.rul_p90_cycles) = (None, None, None);
+        self.failure_probability = first.and_then(|(fault, _)| probabilities[fault.index()]);
+        self.dominant_fault = first.map_or_else(String::new, |(fault, _)| fault.name().to_owned());
+        self.governed_by = first.map_or_else(String::new, |_| "damage".to_owned());
+        if first.is_none() {
+            self.horizon_h = None;
+        }
+    }
 }

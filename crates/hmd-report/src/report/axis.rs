@@ -51,10 +51,12 @@ pub(super) struct UseAxis {
 }
 
 impl UseAxis {
-    /// Operating hours, added up over resets; or the count of windows where the hours are not known or below one.
+    /// Operating hours, added up over resets; or the count of windows where the hours are not known, below one, or of two kinds.
     pub(super) fn new(history: &History) -> Self {
         let hours = continuous_hours(history);
-        let (label, places) = if hours.last().is_some_and(|last| *last >= 1.0) {
+        let kinds = history.points.windows(2);
+        let is_of_one_kind = kinds.into_iter().all(|pair| pair[0].is_elapsed == pair[1].is_elapsed);
+        let (label, places) = if is_of_one_kind && hours.last().is_some_and(|last| *last >= 1.0) {
             let label = if is_elapsed(&history.newest.rul) {
                 "elapsed time, h"
             } else {
@@ -72,7 +74,7 @@ impl UseAxis {
 }
 
 /// Hours of use since the first window. After a reset the count of the records begins again; the axis goes on.
-fn continuous_hours(history: &History) -> Vec<f64> {
+pub(super) fn continuous_hours(history: &History) -> Vec<f64> {
     let (mut base, mut last) = (0.0, 0.0);
     history
         .points
@@ -96,12 +98,12 @@ pub(super) fn marks_before(history: &History, n: usize) -> Vec<Mark> {
     if replaced().any(|what| what == "unit") {
         return vec![Mark::Unit];
     }
-    if began_again {
-        return vec![Mark::Reset];
-    }
-    let restarted = (after.window <= before.window).then_some(Mark::Restart);
+    let begun = match began_again {
+        true => Some(Mark::Reset),
+        false => (after.window <= before.window).then_some(Mark::Restart),
+    };
     let parts = replaced().filter_map(ReplacedPart::from_name).map(Mark::Replaced);
-    restarted.into_iter().chain(parts).collect()
+    begun.into_iter().chain(parts).collect()
 }
 
 #[cfg(test)]
@@ -145,6 +147,13 @@ mod tests {
         let axis = UseAxis::new(&history);
         assert_eq!(axis.marks, [(1, motor), (1, gearbox), (2, Mark::Unit)]);
         assert_eq!(axis.places, [1.0, 2.0, 3.0], "use goes on");
+        // Before a recording that knew nothing of the one before.
+        history.points[1].used_h = Some(0.0);
+        let marks = [(1, Mark::Reset), (1, motor), (1, gearbox), (2, Mark::Unit)];
+        assert_eq!(UseAxis::new(&history).marks, marks);
+        // Hours of operation and of the clock have no axis in common.
+        history.points[2].is_elapsed = true;
+        assert_eq!(UseAxis::new(&history).label, "window");
     }
 
     #[test]

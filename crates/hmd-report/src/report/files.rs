@@ -6,10 +6,13 @@ use std::path::Path;
 
 use prost::Message;
 
-use super::history::{History, Replacement, hours_of_all};
-use super::units::{Part, SERIAL, by_unit};
+use super::history::{History, Replacement, hours_of_all, is_elapsed, requirement};
+use super::replacements::{Maintenance, SERIAL};
+use super::units::{Part, by_unit};
+use ema_models::FaultId;
 use hmd_core::config::Config;
-use hmd_core::history::{Event, EventKind, Events};
+use hmd_core::health::Levels;
+use hmd_core::levels_text::levels_from_text;
 use hmd_core::record::{Health, Log, Record, Rul, Sensors, Status, Window};
 use hmd_ingest::file::open_recorded;
 use hmd_storage::mcap::{McapLoss, McapMessages, NoWindows};
@@ -74,12 +77,17 @@ pub struct Files {
 }
 
 impl Files {
-    /// Reads files in the order of time.
+    /// Reads files in the order of time. What was replaced by `maintenance` between two recordings begins anew with the later one; what was
+    /// replaced after the newest window, and what no window knows of ([`History::entered_since`]), is noted.
     ///
     /// # Errors
     /// A file that cannot be read, or a record that is none. Damaged parts are skipped and given to `report`, each with its
     /// place, and mentioned on the page.
-    pub fn read<P: AsRef<Path>>(paths: &[P], tell: &mut dyn FnMut(&McapLoss)) -> Result<Self, ReportError> {
+    pub fn read<P: AsRef<Path>>(
+        paths: &[P],
+        maintenance: &Maintenance<'_>,
+        tell: &mut dyn FnMut(&McapLoss),
+    ) -> Result<Self, ReportError> {
         let (mut files, mut parts) = (Self::default(), Vec::new());
         for path in paths {
             let name = path.as_ref().display().to_string();
@@ -145,30 +153,28 @@ impl Files {
                 let identity = identity.map(|(what, number)| number.map(|number| format!("{what} number {number}")));
                 history.identity = identity.into_iter().flatten().collect::<Vec<_>>().join(", ");
                 let run = source.metadata.get("run").cloned();
-                parts.push(Part { run, serial, history });
+                parts.push(Part {
+                    file: source.file.clone(),
+                    run,
+                    serial,
+                    history,
+                });
             }
             files.sources.push(source);
         }
-        files.actuators = by_unit(parts);
+        files.actuators = by_unit(parts, maintenance);
+        files.note_replacements(maintenance);
         Ok(files)
     }
 
-    /// Takes over which actuators and parts were replaced until now, UTC ns, by the events of a configuration: those after the newest window,
-    /// and those that no window knows of ([`History::entered_since`]). One that is still to come changes nothing. Of units that have one name
-    /// the event is of that with the configuration's serial number, without one of each.
-    pub fn note_replacements(&mut self, events: &Events, config: &Config, now_ns: u64) {
-        let has_come = |event: &&Event| event.event == EventKind::Reset && event.t_ns <= now_ns;
-        for event in events.list.iter().filter(has_come) {
-            let is_about = |serial: Option<&str>| event.is_about(&event.actuator, serial, config);
-            let is_meant = |name: &str| match name.strip_prefix(&*event.actuator) {
-                Some("") => is_about(None),
-                Some(rest) => rest.strip_prefix(SERIAL).is_some_and(|serial| is_about(Some(serial))),
-                None => false,
-            };
-            for (_, history) in self.actuators.iter_mut().filter(|(name, _)| is_meant(name)) {
-                let list = match history.newest.is_before(event.t_ns) {
+    /// Takes over what was replaced after the newest window, and what no window knows of.
+    fn note_replacements(&mut self, maintenance: &Maintenance<'_>) {
+        for (name, history) in &mut self.actuators {
+            for event in maintenance.replacements_of(name) {
+     = history.points.iter().all(|point| point.t_start_ns < event.t_ns);
+                let list = match is_after_all {
                     true => &mut history.replaced_since,
-                    false if history.newest.knows(event, now_ns) => continue,
+                    false if history.newest.knows(event, maintenance.now_ns) => continue,
                     false => &mut history.entered_since,
                 };
                 // The newest of each part.
@@ -191,6 +197,22 @@ impl Files {
             .iter()
             .filter_map(|source| source.metadata.get("config_hash"));
         hashes.any(|found| *found != hash)
+    }
+
+    /// The levels of the faults and `rul.critical_h` that the files were recorded with; `None` where one does not say them, or they differ.
+    #[must_use]
+    pub fn recorded_levels(&self) -> Option<([Levels; FaultId::COUNT], f64)> {
+        let of = |source: &Source| {
+            let levels = levels_from_text(source.metadata.get("levels")?)?;
+            let critical_h = source.metadata.get("critical_h")?.parse::<f64>().ok()?;
+            critical_h.is_finite().then_some((levels, critical_h))
+        };
+        let (first, others) = self.sources.split_first()?;
+        let recorded = of(first)?;
+        others
+            .iter()
+            .all(|source| of(source) == Some(recorded))
+            .then_some(recorded)
     }
 
     /// All actuators by name, or the one of this name.
@@ -250,6 +272,9 @@ impl Files {
             point.used_h = rul.operating_h;
             point.replaced.clone_from(&rul.replaced);
             point.left_h = hours_of_all(&rul);
+            point.is_elapsed = is_elapsed(&rul);
+            let has_forecast = point.left_h.is_some() && requirement(&rul).is_none();
+            point.ends_first = FaultId::from_name(&rul.dominant_fault).filter(|_| has_forecast);
             history.newest.add_rul(rul);
         }
     }
@@ -258,7 +283,8 @@ impl Files {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hmd_core::history::ReplacedPart;
+    use hmd_core::history::{Event, EventKind, Events, ReplacedPart};
+    use hmd_core::levels_text::levels_text;
 
     fn reset(t_ns: u64, note: &str) -> Event {
         Event {
@@ -287,7 +313,11 @@ mod tests {
                 list: events,
                 ..Events::default()
             };
-            files.note_replacements(&events, &config, 10);
+            files.note_replacements(&Maintenance {
+                events: &events,
+                config: &config,
+                now_ns: 10,
+            });
             let notes = |history: &History| {
                 let notes = history.replaced_since.iter().map(|of| of.note.clone());
                 notes.collect::<Vec<_>>().join(",")
@@ -324,7 +354,11 @@ mod tests {
                 list: vec![reset(6, "a")],
                 ..Events::default()
             };
-            files.note_replacements(&events, &config, now_ns);
+            files.note_replacements(&Maintenance {
+                events: &events,
+                config: &config,
+                now_ns,
+            });
             let history = &files.actuators["left"];
             (history.replaced_since.len(), history.entered_since.len())
         };
@@ -335,11 +369,45 @@ mod tests {
             entered(&[(5, 1.0, ""), (7, 2.0, "motor"), (8, 3.0, "unit")], 10),
             (0, 0)
         );
-        assert_eq!(entered(&[(5, 1.0, ""), (7, 1.0, ""), (8, 3.0, "")], 10), (0, 0));
         assert_eq!(entered(&[(7, 1.0, ""), (8, 2.0, "")], 10), (0, 0));
         // Windows from a clock ahead of now.
         assert_eq!(entered(&[(17, 1.0, ""), (18, 2.0, "")], 10), (0, 1));
         assert_eq!(entered(&[(5, 1.0, "")], 10), (1, 0));
+    }
+
+    #[test]
+    fn the_levels_of_the_files_are_those_that_all_of_them_say() {
+        let low = Levels {
+            critical: 0.4,
+            ..Levels::default()
+        };
+        let levels = [low; FaultId::COUNT];
+        let recorded = |said: &[Option<f64>]| {
+            let source = |critical_h: &Option<f64>| {
+                let said =
+                    critical_h.map(|hours| [("levels", levels_text(&levels)), ("critical_h", hours.to_string())]);
+                let metadata = said.into_iter().flatten().map(|(key, text)| (key.to_owned(), text));
+                Source {
+                    metadata: metadata.collect(),
+                    ..Source::default()
+                }
+            };
+            let files = Files {
+                sources: said.iter().map(source).collect(),
+                ..Files::default()
+            };
+            files.recorded_levels()
+        };
+        assert_eq!(recorded(&[Some(50.0); 2]), Some((levels, 50.0)));
+        for said in [
+            &[][..],
+            &[None],
+            &[Some(50.0), None],
+            &[Some(50.0), Some(0.0)],
+            &[Some(f64::NAN)],
+        ] {
+            assert_eq!(recorded(said), None, "{said:?}");
+        }
     }
 
     #[test]

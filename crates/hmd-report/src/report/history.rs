@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use ema_models::FaultId;
 use hmd_core::config::HoursOf;
 use hmd_core::health::HealthState;
-use hmd_core::history::ReplacedPart;
+use hmd_core::history::{FELL, ReplacedPart};
 use hmd_core::newest::Newest;
 use hmd_core::record::{Estimate, Health, Rul, Sensors, Window};
 
@@ -38,6 +38,12 @@ pub struct Point {
     pub states: [HealthState; FaultId::COUNT],
     /// Why it is not `ok`.
     pub reason: String,
+    /// The fault whose trend ends the life first, where hours are left by its record and no requirement ends it.
+    pub ends_first: Option<FaultId>,
+    /// Whether its hours pass without use, too.
+    pub is_elapsed: bool,
+    /// Whether it is the first of a recording that knew nothing of the one before.
+    pub begins: bool,
 }
 
 /// What is known of one actuator.
@@ -65,6 +71,27 @@ pub struct History {
     pub entered_since: Vec<Replacement>,
     /// Whether recordings of it overlap in time.
     pub overlaps: bool,
+    /// Why the order of its recordings, which is that of their stamps, may be wrong.
+    pub clock_doubts: Vec<ClockDoubt>,
+}
+
+/// Why a recording may stand at the wrong time.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ClockDoubt {
+    /// Its newest window is after the present.
+    Ahead {
+        /// Name of the file.
+        file: String,
+        /// Start of that window, UTC ns.
+        t_ns: u64,
+    },
+    /// It is far from the recording before it.
+    Far {
+        /// Names of the files of both, the earlier one first.
+        files: [String; 2],
+        /// Days between them.
+        days: u64,
+    },
 }
 
 /// A replacement that was entered.
@@ -129,6 +156,9 @@ impl History {
             is_suspected: !health.suspects.is_empty(),
             states: self.newest.states(),
             reason: health.reason.clone(),
+            ends_first: None,
+            is_elapsed: false,
+            begins: false,
         });
     }
 
@@ -140,13 +170,29 @@ impl History {
         }
     }
 
+    /// Notes that a part, or the unit (`None`), was replaced before these windows, which do not know of it.
+    pub(super) fn begin_part(&mut self, part: Option<ReplacedPart>) {
+        self.newest.begin_part(part);
+        let Some(first) = self.points.first_mut().filter(|first| !names(&first.replaced, part)) else {
+            return;
+        };
+        match part {
+            None => "unit".clone_into(&mut first.replaced),
+            Some(part) if first.replaced.is_empty() => part.name().clone_into(&mut first.replaced),
+            Some(part) => first.replaced += &format!(",{}", part.name()),
+        }
+    }
+
     /// Goes on with the next segment of the same run.
     pub(super) fn continue_run(&mut self, later: Self) {
         self.join(later, Newest::continue_run);
     }
 
     /// Goes on with what a later recording says of the same actuator ([`Newest::go_on`]).
-    pub(super) fn go_on(&mut self, later: Self) {
+    pub(super) fn go_on(&mut self, mut later: Self) {
+        if let Some(first) = later.points.first_mut() {
+            first.begins = true;
+        }
         self.join(later, Newest::go_on);
     }
 
@@ -163,6 +209,7 @@ impl History {
             replaced_since: _,
             entered_since: _,
             overlaps: _,
+            clock_doubts: _,
         } = later;
         if !points.is_empty() {
             join_newest(&mut self.newest, newest);
@@ -185,16 +232,52 @@ impl History {
 }
 
 impl History {
-    /// Whether a damage fell without a recorded repair, also one that was entered since.
+    /// Whether a damage fell without a recorded repair, also one that was entered since, or that another recording of the same windows knows of.
     pub(super) fn has_fallen(&self) -> bool {
         let mut fallen = FaultId::ALL
             .into_iter()
             .filter(|fault| self.newest.fallen[fault.index()]);
         fallen.any(|fault| {
             let mut since = self.replaced_since.iter().chain(&self.entered_since);
-            since.all(|replacement| replacement.part.is_some_and(|part| !part.faults().contains(&fault)))
+            let is_entered = since.any(|replacement| replaces(replacement.part, fault));
+            !is_entered && !self.is_repaired(fault)
         })
     }
+
+    /// Whether some window knows of a replacement between the window at which the damage of a fault fell and the last one before that showed it.
+    fn is_repaired(&self, fault: FaultId) -> bool {
+        let fell = |point: &&Point| names_fallen(&point.reason, fault);
+        let Some(fell_ns) = self.points.iter().rfind(fell).map(|point| point.t_start_ns) else {
+            return false;
+        };
+        let was_worn =
+            |point: &&Point| point.t_start_ns < fell_ns && point.states[fault.index()] >= HealthState::Warning;
+        let worn = self.points.iter().filter(was_worn).map(|point| point.t_start_ns);
+        let worn_ns = worn.max().unwrap_or(0);
+        let is_repair = |point: &Point| {
+            let parts = point.replaced.split(',').filter(|what| !what.is_empty());
+            let mut replaced = parts.map(ReplacedPart::from_name);
+            (worn_ns + 1..=fell_ns).contains(&point.t_start_ns) && replaced.any(|part| replaces(part, fault))
+        };
+        self.points.iter().any(is_repair)
+    }
+}
+
+/// Whether a new part, or a new unit (`None`), is another one for this fault.
+fn replaces(part: Option<ReplacedPart>, fault: FaultId) -> bool {
+    part.is_none_or(|part| part.faults().contains(&fault))
+}
+
+/// Whether the reason of a window says that the damage of this fault fell.
+fn names_fallen(reason: &str, fault: FaultId) -> bool {
+    let mut reasons = reason.split("; ").filter(|reason| reason.starts_with(FELL));
+    reasons.any(|reason| reason.contains(&format!("{} ", fault.name())))
+}
+
+/// Whether what a window says was replaced before it names this part, or the unit (`None`).
+fn names(replaced: &str, part: Option<ReplacedPart>) -> bool {
+    let what = part.map_or("unit", ReplacedPart::name);
+    replaced.split(',').any(|of| of == what || of == "unit")
 }
 
 /// The requirement of the specification that ends the life, in words; `None` where a damage does, or nothing is predicted.
@@ -224,9 +307,10 @@ pub(super) fn hours_of(rul: &Rul) -> &'static str {
 
 /// A reason without its values, so that one kind is counted together: every number becomes an ellipsis.
 fn without_numbers(reason: &str) -> String {
+    // With its sign, its bracket and its unit: `(149°`.
     let is_number = |word: &str| {
-        let word = word.trim_matches(|c: char| "+-−±(),:%".contains(c));
-        word.parse::<f64>().is_ok()
+        let value = word.trim_start_matches(|c: char| !c.is_alphanumeric());
+        value.starts_with(|c: char| c.is_ascii_digit())
     };
     let words = reason.split(' ').map(|word| if is_number(word) { "…" } else { word });
     let mut words: Vec<&str> = words.collect();
@@ -244,6 +328,8 @@ mod tests {
         for reason in [
             "no fault vector explains the data: cost 17; 3 samples lost",
             "no fault vector explains the data: cost 230",
+            "begins at 149° electrical",
+            "begins at -12.5° electrical",
             "",
         ] {
             let health = Health {
@@ -259,7 +345,11 @@ mod tests {
             .collect();
         assert_eq!(
             found,
-            [("no fault vector explains the data: cost …", 2), ("… samples lost", 1)]
+            [
+                ("begins at … electrical", 2),
+                ("no fault vector explains the data: cost …", 2),
+                ("… samples lost", 1)
+            ]
         );
     }
 }

@@ -3,21 +3,21 @@
 use std::cmp::Ordering;
 
 use ema_models::FaultId;
-use hmd_core::catalogue::FaultMode;
 use hmd_core::health::HealthState;
 
 use super::history::History;
 use super::markup::wide_table;
 use super::plot::escaped;
 use super::recommendation::{Recommendation, recommendation};
+use super::rules::Rules;
 use super::zone::Zone;
 
 /// The table of all actuators; each name leads to the actuator's part of the page.
-pub(super) fn overview(histories: &[&History], modes: &[FaultMode; FaultId::COUNT], zone: &Zone) -> String {
+pub(super) fn overview(histories: &[&History], rules: &Rules, zone: &Zone) -> String {
     let mut all: Vec<(usize, &History, Recommendation)> = histories
         .iter()
         .enumerate()
-        .map(|(n, history)| (n, *history, recommendation(history, modes, zone)))
+        .map(|(n, history)| (n, *history, recommendation(history, rules, zone)))
         .collect();
     all.sort_by(|a, b| by_urgency((a.1, &a.2), (b.1, &b.2)).then(a.0.cmp(&b.0)));
     let newest_ns = histories

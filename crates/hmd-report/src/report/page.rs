@@ -3,7 +3,6 @@
 use std::fmt::Write;
 
 use ema_models::FaultId;
-use hmd_core::catalogue::{FaultMode, catalogue};
 use hmd_core::health::Levels;
 
 use super::files::Files;
@@ -13,6 +12,7 @@ use super::overview::overview;
 use super::plot::escaped;
 use super::quality::{losses, missing, windows};
 use super::recommendation::recommendation;
+use super::rules::Rules;
 use super::sections::{damages, fit, legend, remaining, residuals, timeline};
 use super::sources::{events, sources};
 use super::summary::{faults, headline, period};
@@ -25,6 +25,10 @@ pub struct View {
     pub zone: Zone,
     /// Damage levels of the faults, in the order of [`FaultId::ALL`].
     pub levels: [Levels; FaultId::COUNT],
+    /// An actuator is critical whose 10 % quantile of the hours left is below this; 0: never.
+    pub critical_h: f64,
+    /// Whether the windows were assessed by these levels, as far as is known.
+    pub are_known: bool,
     /// A sentence about these levels, where they may be others than those of the recordings.
     pub notice: Option<String>,
 }
@@ -32,7 +36,7 @@ pub struct View {
 /// The report of these actuators of the files as one HTML file.
 #[must_use]
 pub fn page(files: &Files, histories: &[&History], view: &View) -> String {
-    let modes = catalogue(&view.levels).fault_modes;
+    let rules = Rules::new(&view.levels, view.critical_h, view.are_known);
     let title = match histories {
         [history] => format!("Health report of {}", escaped(&history.actuator)),
         _ => format!("Health report of {} actuators", histories.len()),
@@ -48,7 +52,7 @@ pub fn page(files: &Files, histories: &[&History], view: &View) -> String {
         let _ = writeln!(body, "<p class=\"faint\">{}</p>", escaped(notice));
     }
     if histories.len() != 1 {
-        body += &overview(histories, &modes, &view.zone);
+        body += &overview(histories, &rules, &view.zone);
     }
     for (n, history) in histories.iter().enumerate() {
         if histories.len() > 1 {
@@ -57,10 +61,10 @@ pub fn page(files: &Files, histories: &[&History], view: &View) -> String {
                 "<article id=\"actuator-{n}\">\n<h1>{}</h1>\n",
                 escaped(&history.actuator)
             );
-            body += &actuator(history, &modes, &view.zone);
+            body += &actuator(history, &rules, &view.zone);
             body += "</article>\n";
         } else {
-            body += &actuator(history, &modes, &view.zone);
+            body += &actuator(history, &rules, &view.zone);
         }
     }
     body += &section("", "Lost data", &losses(files));
@@ -79,20 +83,20 @@ fn section(of: &str, heading: &str, content: &str) -> String {
 }
 
 /// The part of the page about one actuator.
-fn actuator(history: &History, modes: &[FaultMode; FaultId::COUNT], zone: &Zone) -> String {
+fn actuator(history: &History, rules: &Rules, zone: &Zone) -> String {
     let name = &history.actuator;
-    let advice = recommendation(history, modes, zone);
+    let advice = recommendation(history, rules, zone);
     let plots = |plots: String| format!("{}<div class=\"plots\">{plots}</div>\n", legend(history, zone));
     [
         period(history, zone),
         headline(&advice, history, zone),
-        section(name, "Faults", &faults(history, modes, zone)),
+        section(name, "Faults", &faults(history, rules, zone)),
         section(
             name,
             "Damage over use",
             &format!(
                 "<p>0 % is new. Green: nominal, below the watch level.</p>\n{}",
-                plots(damages(history, modes))
+                plots(damages(history, &rules.modes))
             ),
         ),
         section(
@@ -134,6 +138,8 @@ mod tests {
         View {
             zone: Zone::utc(),
             levels: [Levels::default(); FaultId::COUNT],
+            critical_h: 0.0,
+            are_known: true,
             notice: None,
         }
     }

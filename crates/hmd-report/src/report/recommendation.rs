@@ -1,21 +1,23 @@
 //! One recommendation per actuator: which parts, what to do, until when, since when. Overview and page print the same one.
 
 mod checks;
+mod friction;
 mod left;
 mod maintenance;
 mod since;
 
 use ema_models::FaultId;
-use hmd_core::catalogue::FaultMode;
 use hmd_core::health::HealthState;
 use hmd_core::history::ReplacedPart;
 
 use super::history::{History, Replacement, Unassessed, hours_of_all};
+use super::rules::Rules;
 use super::zone::Zone;
 pub(super) use checks::drifting;
 use checks::{checks, is_before_next_use};
+pub(super) use friction::friction_replaced;
 use left::Left;
-pub(super) use left::{clears, friction_replaced};
+pub(super) use left::clears;
 use maintenance::{at_once, maintenance};
 use since::{since, suspected_since};
 
@@ -62,8 +64,8 @@ impl Recommendation {
     }
 }
 
-/// The recommendation after the newest window; `modes` has the levels, in the order of [`FaultId::ALL`].
-pub(super) fn recommendation(history: &History, modes: &[FaultMode; FaultId::COUNT], zone: &Zone) -> Recommendation {
+/// The recommendation after the newest window.
+pub(super) fn recommendation(history: &History, rules: &Rules, zone: &Zone) -> Recommendation {
     let (health, rul) = (&history.newest.health, &history.newest.rul);
     let left = Left::of(history);
     let unassessed = history.unassessed();
@@ -79,7 +81,7 @@ pub(super) fn recommendation(history: &History, modes: &[FaultMode; FaultId::COU
     let entered = entered(&history.entered_since, zone);
     let at_once = at_once(&left);
     let action = match left.state {
-        HealthState::Watch | HealthState::Warning | HealthState::Critical => maintenance(history, &left, modes, zone),
+        HealthState::Watch | HealthState::Warning | HealthState::Critical => maintenance(history, &left, rules, zone),
         _ if !replaced.is_empty() || !at_once.is_empty() => String::new(),
         HealthState::Unknown if unknown.len() < FaultId::COUNT => {
             "Not everything is known yet: scheduled inspections stand as they are.".to_owned()
@@ -92,7 +94,7 @@ pub(super) fn recommendation(history: &History, modes: &[FaultMode; FaultId::COU
         HealthState::Nominal => "No action.".to_owned(),
     };
     let sentences = [&action, &at_once, &replaced, &friction_left, &entered, &checks];
-    let since_ns = since(history, left.state, left.in_state_by_damage());
+    let since_ns = since(history, &left);
     let faults = left.reported.clone();
     Recommendation {
         state: left.state,
@@ -152,7 +154,11 @@ fn names(parts: &[Replacement], zone: &Zone) -> String {
         };
         format!("{name} ({}{note})", zone.minute(replacement.t_ns))
     };
-    parts.iter().map(name).collect::<Vec<_>>().join(" and the ")
+    let mut all: Vec<String> = parts.iter().map(name).collect();
+    match all.pop() {
+        Some(last) if !all.is_empty() => format!("{} and the {last}", all.join(", the ")),
+        last => last.unwrap_or_default(),
+    }
 }
 
 #[cfg(test)]

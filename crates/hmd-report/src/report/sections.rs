@@ -7,6 +7,7 @@ use hmd_core::history::ReplacedPart;
 use hmd_core::record::Window;
 
 use super::axis::{Mark, UseAxis};
+use super::doubt::is_shown_before;
 use super::history::{History, Point};
 use super::plot::{Axis, Plot, escaped, significant};
 use super::recommendation::clears;
@@ -119,8 +120,14 @@ impl<'a> Drawn<'a> {
     /// An empty plot with the marks.
     fn plot(&self, title: &str, y: Axis) -> Plot {
         let mut plot = Plot::new(title, HEIGHT, self.x.clone(), y);
-        for (_, at, mark) in &self.marks {
-            plot.mark(mark.class(), *at);
+        // Of several parts that were replaced at once one line.
+        let mut drawn: Vec<(usize, &str)> = Vec::new();
+        for (n, at, mark) in &self.marks {
+            let line = (*n, mark.class());
+            if drawn.last() != Some(&line) {
+                plot.mark(mark.class(), *at);
+            }
+            drawn.push(line);
         }
         plot
     }
@@ -208,7 +215,10 @@ fn newest_damage(history: &History, fault: FaultId) -> String {
         return "replaced".to_owned();
     }
     let Some(shown) = history.newest.shown.of(fault) else {
-        return "no window shows it".to_owned();
+        return match is_shown_before(history, fault) {
+            true => "not shown since the replacement".to_owned(),
+            false => "no window shows it".to_owned(),
+        };
     };
     let percent = 100.0 * shown.damage;
     match shown.sigma.map(|sigma| 100.0 * NORMAL_95 * sigma) {
@@ -328,6 +338,23 @@ mod tests {
             line.iter().map(|(at, _)| *at).collect::<Vec<_>>(),
             [0.0, 5.0, 5.0, 5.0, 6.0]
         );
+    }
+
+    #[test]
+    fn parts_that_were_replaced_at_once_have_one_line() {
+        let mut points = vec![Point::default(), Point::default()];
+        for (n, point) in points.iter_mut().enumerate() {
+            point.window = n as u64;
+        }
+        points[1].replaced = "motor,gearbox".to_owned();
+        let history = History {
+            points,
+            ..History::default()
+        };
+        let svg = Drawn::new(&history).plot("", Axis::between("", 0.0, 1.0)).svg();
+        assert_eq!(svg.matches("class=\"replaced\"").count(), 1);
+        let legend = legend(&history, &Zone::utc());
+        assert!(legend.contains("motor replaced") && legend.contains("gearbox replaced"));
     }
 
     #[test]

@@ -10,11 +10,12 @@ use hmd_core::health::HealthState;
 use hmd_core::record::{Rul, SensorReading, Shown};
 use hmd_core::sensor_health::SensorQuantity;
 
-use super::axis::{Mark, marks_before};
-use super::history::{History, Point, Unassessed, hours_of, is_elapsed};
+use super::doubt::{in_doubt, is_shown_before};
+use super::history::{ClockDoubt, History, Unassessed, hours_of, is_elapsed};
 use super::markup::wide_table;
 use super::plot::escaped;
 use super::recommendation::{Recommendation, clears, drifting, friction_replaced};
+use super::rules::Rules;
 use super::sections::NORMAL_95;
 use super::words::{duration, durations, hours, with_capital};
 use super::zone::Zone;
@@ -61,7 +62,10 @@ pub(super) fn headline(advice: &Recommendation, history: &History, zone: &Zone) 
     if history.overlaps {
         let _ = write!(text, "<br>{OVERLAP}");
     }
-    if let Some(since) = advice.since_ns.filter(|_| advice.state != HealthState::Unknown) {
+    if let Some(doubts) = clock_doubts(history, zone) {
+        let _ = write!(text, "<br>{}", escaped(&doubts));
+    }
+    if let Some(since) = advice.since_ns {
         let _ = write!(text, "<br>{} since {}.", with_capital(state), zone.minute(since));
     }
     if let Some(Unassessed { windows, since_ns }) = advice.unassessed {
@@ -109,12 +113,31 @@ pub(super) fn headline(advice: &Recommendation, history: &History, zone: &Zone) 
     text
 }
 
+/// Most recordings that are named whose clock may be wrong.
+const DOUBTS_MAX: usize = 3;
+
+/// Which recordings may stand at the wrong time, in sentences.
+fn clock_doubts(history: &History, zone: &Zone) -> Option<String> {
+    let doubt = |doubt: &ClockDoubt| match doubt {
+        ClockDoubt::Ahead { file, t_ns } => format!("{file} ends {}, after the present", zone.minute(*t_ns)),
+        ClockDoubt::Far { files: [a, b], days } => format!("{days} days lie between {a} and {b}"),
+    };
+    let doubts: Vec<String> = history.clock_doubts.iter().take(DOUBTS_MAX).map(doubt).collect();
+    (!doubts.is_empty()).then(|| {
+        format!(
+            "Recordings stand in the order of their time stamps: {}. Where a clock was wrong, newer windows stand before others.",
+            doubts.join("; ")
+        )
+    })
+}
+
 /// The faults that no window has shown, and those that a window put in doubt, since when and why. What was replaced has its own sentence.
 fn not_known(advice: &Recommendation, history: &History, zone: &Zone) -> String {
-    let (mut never, mut text) = (Vec::new(), String::new());
+    let (mut never, mut not_since, mut text) = (Vec::new(), Vec::new(), String::new());
     let is_left = |fault: &&FaultId| !clears(&history.replaced_since, **fault);
     for fault in advice.unknown.iter().filter(is_left) {
         match in_doubt(history, *fault) {
+            None if is_shown_before(history, *fault) => not_since.push(fault.plain_name()),
             None => never.push(fault.plain_name()),
             Some(point) => {
                 let reason = if point.reason.is_empty() { "" } else { ": " };
@@ -128,25 +151,16 @@ fn not_known(advice: &Recommendation, history: &History, zone: &Zone) -> String 
             }
         }
     }
-    if never.is_empty() {
-        return text;
+    let mut sentence = String::new();
+    for (what, faults) in [
+        ("No window has shown", never),
+        ("No window has shown since the replacement", not_since),
+    ] {
+        if !faults.is_empty() {
+            let _ = write!(sentence, "<br>{what}: {}.", faults.join(", "));
+        }
     }
-    format!("<br>No window has shown: {}.{text}", never.join(", "))
-}
-
-/// The window that put in doubt what windows before it had shown of a fault of the same part.
-fn in_doubt(history: &History, fault: FaultId) -> Option<&Point> {
-    let is_open = |point: &Point| point.states[fault.index()] == HealthState::Unknown;
-    let first = history.points.iter().rposition(|point| !is_open(point))? + 1;
-    let doubts = history.points.get(first)?;
-    let is_anew = |n: usize| {
-        marks_before(history, n).into_iter().any(|mark| match mark {
-            Mark::Unit => true,
-            Mark::Replaced(part) => part.faults().contains(&fault),
-            Mark::Reset | Mark::Restart => false,
-        })
-    };
-    (!(first..history.points.len()).any(is_anew)).then_some(doubts)
+    sentence + &text
 }
 
 /// A fault with its damage.
@@ -250,10 +264,12 @@ fn little_operation(history: &History) -> Option<String> {
     if is_elapsed(&history.newest.rul) {
         return None;
     }
-    let [first, last] = history.period_ns()?;
-    let span_h = (last - first) as f64 / 3.6e12;
+    // A recording whose hours are those of the clock tells nothing of the operation.
+    let of_operation = history.points.iter().filter(|point| !point.is_elapsed);
+    let times = of_operation.clone().map(|point| point.t_start_ns);
+    let span_h = (times.clone().max()? - times.min()?) as f64 / 3.6e12;
     // Use counts from before the first window; a history that begins anew counts from zero.
-    let used: Vec<f64> = history.points.iter().filter_map(|point| point.used_h).collect();
+    let used: Vec<f64> = of_operation.filter_map(|point| point.used_h).collect();
     let grown = |pair: &[f64]| if pair[1] < pair[0] { pair[1] } else { pair[1] - pair[0] };
     let used_h: f64 = used.windows(2).map(grown).sum();
     (used_h < LITTLE_OPERATION * span_h).then(|| {
@@ -272,11 +288,11 @@ fn percent(probability: f64) -> String {
 }
 
 /// Each fault: part, symptom, damage, level, and the hours left by it alone or why there is no number.
-pub(super) fn faults(history: &History, modes: &[FaultMode; FaultId::COUNT], zone: &Zone) -> String {
+pub(super) fn faults(history: &History, rules: &Rules, zone: &Zone) -> String {
     let rul = &history.newest.rul;
     let (states, left) = (history.states(), rul.faults());
     let row = |fault: FaultId| {
-        let (mode, state) = (&modes[fault.index()], states[fault.index()]);
+        let (mode, state) = (rules.of(fault), states[fault.index()]);
         if clears(&history.replaced_since, fault) {
             let half = friction_replaced(&history.replaced_since).filter(|_| fault == FaultId::Friction);
             let what = half.map_or_else(|| "replaced".to_owned(), |half| format!("{} replaced", half.part));
@@ -292,15 +308,16 @@ pub(super) fn faults(history: &History, modes: &[FaultMode; FaultId::COUNT], zon
             return cells.map(escaped).to_vec();
         }
         let shown = history.newest.shown.of(fault);
-        let left = left[fault.index()].map_or_else(|| without_trend(shown, mode, state, rul), hours);
+        let left = left[fault.index()].map_or_else(|| without_trend(shown, rules.known(fault), state, rul), hours);
         vec![
             escaped(fault.plain_name()),
             escaped(mode.item),
             shown.map_or_else(|| "not known".to_owned(), |shown| percent_of(shown.damage)),
-            escaped(&level(shown, mode, state)),
+            escaped(&level(shown, rules.known(fault), state)),
             match (shown, in_doubt(history, fault)) {
                 (Some(shown), _) => zone.minute(shown.t_start_ns),
                 (None, Some(point)) => format!("in doubt since {}", zone.minute(point.t_start_ns)),
+                (None, None) if is_shown_before(history, fault) => "not since the replacement".to_owned(),
                 (None, None) => "no window shows it".to_owned(),
             },
             escaped(&left),
@@ -331,9 +348,11 @@ fn percent_of(damage: f64) -> String {
     format!("{:.1} %", 100.0 * damage)
 }
 
-/// The level of a fault; where it is another than that of the damage, why.
-fn level(shown: Option<Shown>, mode: &FaultMode, state: HealthState) -> String {
-    let Some(shown) = shown else { return state.to_string() };
+/// The level of a fault; where it is another than that of the damage, why. Without a mode the levels are not known.
+fn level(shown: Option<Shown>, mode: Option<&FaultMode>, state: HealthState) -> String {
+    let (Some(shown), Some(mode)) = (shown, mode) else {
+        return state.to_string();
+    };
     let by_damage = level_of(shown.damage, mode);
     if state > by_damage && by_damage >= HealthState::Nominal {
         let level = mode.severity.iter().find(|severity| severity.class == state);
@@ -364,26 +383,25 @@ fn level_of(damage: f64, mode: &FaultMode) -> HealthState {
 }
 
 /// Why a fault has no hours left.
-fn without_trend(shown: Option<Shown>, mode: &FaultMode, state: HealthState, rul: &Rul) -> String {
+fn without_trend(shown: Option<Shown>, mode: Option<&FaultMode>, state: HealthState, rul: &Rul) -> String {
     match shown {
-        None => "no trend: no window shows it".to_owned(),
+        None => "no trend: not shown".to_owned(),
         Some(_) if state >= HealthState::Watch && !rul.reason.is_empty() => rul.reason.clone(),
         Some(_) if state >= HealthState::Watch => {
             "no trend: the damage does not grow, or the windows are too few".to_owned()
         }
-        Some(shown) if level_of(shown.damage, mode) == HealthState::Nominal => {
-            "no trend: below the watch level".to_owned()
-        }
-        Some(_) => "no trend: the damage is within its uncertainty".to_owned(),
+        Some(shown) => match mode.map(|mode| level_of(shown.damage, mode)) {
+            None => "no trend: below the watch level, or within its uncertainty".to_owned(),
+            Some(HealthState::Nominal) => "no trend: below the watch level".to_owned(),
+            Some(_) => "no trend: the damage is within its uncertainty".to_owned(),
+        },
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::history::Replacement;
+    use super::super::history::{Point, Replacement};
     use super::*;
-    use hmd_core::catalogue::catalogue;
-    use hmd_core::health::Levels;
     use hmd_core::history::ReplacedPart;
 
     fn advice(state: HealthState) -> Recommendation {
@@ -411,7 +429,6 @@ mod tests {
 
     #[test]
     fn the_row_of_a_replaced_part_says_so() {
-        let modes = catalogue(&[Levels::default(); FaultId::COUNT]).fault_modes;
         let history = History {
             replaced_since: vec![Replacement {
                 part: Some(ReplacedPart::Gearbox),
@@ -420,7 +437,7 @@ mod tests {
             }],
             ..History::default()
         };
-        let table = faults(&history, &modes, &Zone::utc());
+        let table = faults(&history, &Rules::default(), &Zone::utc());
         // Friction and backlash are of the gear, friction of the motor as well.
         let rows = |cell: &str| table.matches(&format!(">{cell}<")).count();
         let found = ["replaced", "gearbox replaced", "not known"].map(rows);
@@ -513,6 +530,19 @@ mod tests {
         assert!(!text(&history).contains(OVERLAP));
         history.overlaps = true;
         assert!(text(&history).contains(OVERLAP));
+        history.clock_doubts = vec![
+            ClockDoubt::Ahead {
+                file: "b.mcap".to_owned(),
+                t_ns: 60 * minute,
+            },
+            ClockDoubt::Far {
+                files: ["c.mcap", "b.mcap"].map(str::to_owned),
+                days: 1599,
+            },
+        ];
+        let expected = "Recordings stand in the order of their time stamps: b.mcap ends 1970-01-01 01:00 UTC, after the present; 1599 days lie \
+                        between c.mcap and b.mcap.";
+        assert!(text(&history).contains(expected), "{}", text(&history));
     }
 
     #[test]
@@ -549,7 +579,10 @@ mod tests {
         );
         // A new part was never shown.
         history.points[1].replaced = "gearbox".to_owned();
-        assert_eq!(of(&history), "<br>No window has shown: friction, backlash.");
+        assert_eq!(
+            of(&history),
+            "<br>No window has shown: backlash.<br>No window has shown since the replacement: friction."
+        );
     }
 
     #[test]
@@ -578,20 +611,40 @@ mod tests {
         };
         let text = little_operation(&history);
         assert!(text.is_some_and(|text| text.contains("hold 6 min within 100 h")));
+        // Beside a recording whose hours are those of the clock.
+        let mut mixed = history;
+        for (n, used_h) in [0.0, 700.0].into_iter().enumerate() {
+            let clock = Point {
+                is_elapsed: true,
+                ..point(n as u64, used_h)
+            };
+            mixed.points.insert(n, clock);
+        }
+        let text = little_operation(&mixed);
+        assert!(text.is_some_and(|text| text.contains("hold 6 min within 100 h")));
     }
 
     #[test]
     fn a_level_that_a_single_window_reaches_is_not_waited_for() {
-        let modes = catalogue(&[Levels::default(); FaultId::COUNT]).fault_modes;
+        let rules = Rules::default();
         let shown = Shown {
             damage: 0.4,
             sigma: Some(0.01),
             t_start_ns: 0,
         };
-        let text = level(Some(shown), &modes[0], HealthState::Watch);
+        let text = level(Some(shown), rules.known(FaultId::Friction), HealthState::Watch);
         assert_eq!(
             text,
             "watch: recorded by other levels than those of this page, by which it is warning"
         );
+        // Levels that the recording does not say explain nothing.
+        let unknown = Rules {
+            are_known: false,
+            ..rules
+        };
+        let mode = unknown.known(FaultId::Friction);
+        assert_eq!(level(Some(shown), mode, HealthState::Critical), "critical");
+        let text = without_trend(Some(shown), mode, HealthState::Nominal, &Rul::default());
+        assert_eq!(text, "no trend: below the watch level, or within its uncertainty");
     }
 }

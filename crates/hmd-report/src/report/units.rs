@@ -3,16 +3,17 @@
 
 use std::collections::BTreeMap;
 
+use hmd_core::history::Event;
 use hmd_core::newest::Newest;
 
-use super::history::History;
-
-/// What stands between the name of an actuator and its serial number, where units have one name.
-pub(super) const SERIAL: &str = ", serial ";
+use super::history::{ClockDoubt, History};
+use super::replacements::{Maintenance, SERIAL};
 
 /// What one file says of one actuator, and the serial number that its writer's configuration had for it.
 #[derive(Debug)]
 pub(super) struct Part {
+    /// Name of the file.
+    pub(super) file: String,
     /// Run that wrote it, where it is a segment of one.
     pub(super) run: Option<String>,
     pub(super) serial: Option<String>,
@@ -21,7 +22,7 @@ pub(super) struct Part {
 
 /// The histories by name. Units that were used at the same times are different ones, each with its serial number in the name; of units one
 /// after the other the history goes on.
-pub(super) fn by_unit(parts: Vec<Part>) -> BTreeMap<String, History> {
+pub(super) fn by_unit(parts: Vec<Part>, maintenance: &Maintenance<'_>) -> BTreeMap<String, History> {
     let mut spans: BTreeMap<String, BTreeMap<String, [u64; 2]>> = BTreeMap::new();
     for part in &parts {
         let Some(serial) = &part.serial else { continue };
@@ -57,15 +58,18 @@ pub(super) fn by_unit(parts: Vec<Part>) -> BTreeMap<String, History> {
     }
     recordings
         .into_iter()
-        .map(|(name, recordings)| (name.clone(), joined(name, recordings)))
+        .map(|(name, recordings)| (name.clone(), joined(name, recordings, maintenance)))
         .collect()
 }
 
-/// The history of a unit from its recordings: that with the newest window has the last word.
-fn joined(actuator: String, mut recordings: Vec<Part>) -> History {
-    recordings.sort_by_key(|recording| recording.history.newest.newest_ns());
+/// The history of a unit from its recordings: that with the newest window has the last word. What was replaced between two of them begins anew
+/// with the later one.
+fn joined(actuator: String, mut recordings: Vec<Part>, maintenance: &Maintenance<'_>) -> History {
+    recordings.sort_by_key(|recording| recording.history.newest.order());
+    let replacements: Vec<&Event> = maintenance.replacements_of(&actuator).collect();
     let mut whole = History {
         actuator,
+        clock_doubts: clock_doubts(&recordings, maintenance.now_ns),
         overlaps: Newest::overlap(recordings.iter().map(|recording| &recording.history.newest)),
         ..History::default()
     };
@@ -76,15 +80,61 @@ fn joined(actuator: String, mut recordings: Vec<Part>) -> History {
         if before.is_some() && unit != before {
             recording.history.begin_unit();
         }
+        for event in &replacements {
+            let later = &recording.history.newest;
+            if whole.newest.is_parted_from(later, event.t_ns, maintenance.now_ns) {
+                recording.history.begin_part(event.part);
+            }
+        }
         whole.go_on(recording.history);
     }
     whole
 }
 
+/// Days between two recordings from which on one of them may have had a wrong clock.
+const FAR_DAYS: u64 = 365;
+
+/// Nanoseconds of a day.
+const NS_PER_DAY: u64 = 86_400_000_000_000;
+
+/// Recordings in the order of their stamps that stand after the present, UTC ns, or far from the one before.
+fn clock_doubts(recordings: &[Part], now_ns: u64) -> Vec<ClockDoubt> {
+    let dated = recordings
+        .iter()
+        .filter_map(|part| Some((&part.file, part.history.period_ns()?)));
+    let mut dated: Vec<(&String, [u64; 2])> = dated.collect();
+    let ahead = dated.iter().filter(|(_, [_, last])| *last > now_ns);
+    let mut doubts: Vec<ClockDoubt> = ahead
+        .map(|&(file, [_, t_ns])| ClockDoubt::Ahead {
+            file: file.clone(),
+            t_ns,
+        })
+        .collect();
+    dated.sort_by_key(|(_, period)| *period);
+    // The latest end so far.
+    let mut before: Option<(&String, u64)> = None;
+    for (file, [first, last]) in dated {
+        if let Some((file_before, end)) = before {
+            let days = first.saturating_sub(end) / NS_PER_DAY;
+            if days >= FAR_DAYS {
+                doubts.push(ClockDoubt::Far {
+                    files: [file_before.clone(), file.clone()],
+                    days,
+                });
+            }
+        }
+        before = Some((file, last)).into_iter().chain(before).max_by_key(|(_, end)| *end);
+    }
+    doubts
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hmd_core::record::Health;
+    use hmd_core::config::Config;
+    use hmd_core::history::{EventKind, Events, ReplacedPart};
+    use hmd_core::record::{Estimate, Health, Rul};
+    use std::sync::LazyLock;
 
     fn part(serial: Option<&str>, times: &[u64]) -> Part {
         let mut history = History {
@@ -98,15 +148,26 @@ mod tests {
             });
         }
         Part {
+            file: String::new(),
             run: None,
             serial: serial.map(str::to_owned),
             history,
         }
     }
 
+    /// No maintenance.
+    fn none() -> Maintenance<'static> {
+        static NOTHING: LazyLock<(Events, Config)> = LazyLock::new(Default::default);
+        Maintenance {
+            events: &NOTHING.0,
+            config: &NOTHING.1,
+            now_ns: 1_000,
+        }
+    }
+
     fn found(parts: Vec<Part>) -> Vec<(String, Vec<u64>)> {
         let times = |history: History| history.points.iter().map(|point| point.t_start_ns).collect();
-        by_unit(parts)
+        by_unit(parts, &none())
             .into_iter()
             .map(|(name, history)| (name, times(history)))
             .collect()
@@ -145,7 +206,7 @@ mod tests {
     #[test]
     fn of_recordings_that_overlap_that_with_the_newest_window_comes_last() {
         let of = |parts: Vec<Part>| {
-            let history = by_unit(parts).remove("left").unwrap();
+            let history = by_unit(parts, &none()).remove("left").unwrap();
             let times: Vec<u64> = history.points.iter().map(|point| point.t_start_ns).collect();
             (history.newest.health.t_start_ns, times, history.overlaps)
         };
@@ -186,7 +247,7 @@ mod tests {
             part.history.add(health);
             part
         };
-        let joined = |parts: Vec<Part>| by_unit(parts)["left"].newest.health.health.clone();
+        let joined = |parts: Vec<Part>| by_unit(parts, &none())["left"].newest.health.health.clone();
         let doubt = vec![segment(Some("a"), 1, Nominal), segment(Some("a"), 2, Unknown)];
         assert_eq!(joined(doubt), "unknown");
         let silent = vec![
@@ -202,5 +263,118 @@ mod tests {
         };
         let replaced = vec![of_unit("1", 0, Critical), of_unit("2", 1, Unknown)];
         assert_eq!(joined(replaced), "unknown");
+    }
+
+    #[test]
+    fn what_was_replaced_between_two_recordings_begins_anew_with_the_later_one() {
+        use hmd_core::health::HealthState::{self, Nominal, Unknown, Warning};
+        let recording = |windows: &[(u64, HealthState, f64)]| {
+            let mut part = part(None, &[]);
+            for (n, &(t_start_ns, state, used_h)) in windows.iter().enumerate() {
+                let mut health = Health {
+                    window: n as u64,
+                    t_start_ns,
+                    health: state.name().to_owned(),
+                    ..Health::default()
+                };
+                let mut states = [if state == Unknown { Unknown } else { Nominal }; ema_models::FaultId::COUNT];
+                states[0] = state;
+                health.set_states(&states);
+                let estimate = Estimate {
+                    k: [0.4; 8],
+                    sigma: [Some(0.01); 8],
+                    observable: [true; 8],
+                };
+                health.set_estimate((state != Unknown).then_some(&estimate));
+                part.history.add(health);
+                let rul = Rul {
+                    window: n as u64,
+                    operating_h: Some(used_h),
+                    ..Rul::default()
+                };
+                part.history.points[n].used_h = rul.operating_h;
+                part.history.newest.add_rul(rul);
+            }
+            part
+        };
+        let config = Config::from_toml_str("[[actuator]]\nid = 0\nname = \"left\"\n", "test").unwrap();
+        let of = |part: Option<ReplacedPart>, t_ns: u64, first_used_h: f64| {
+            let events = Events {
+                list: vec![Event {
+                    t_ns,
+                    actuator: "left".to_owned(),
+                    event: EventKind::Reset,
+                    part,
+                    note: None,
+                }],
+                ..Events::default()
+            };
+            let maintenance = Maintenance {
+                events: &events,
+                config: &config,
+                now_ns: 1_000,
+            };
+            let worn = recording(&[(1, Warning, 0.0), (2, Warning, 5.0)]);
+            let silent = recording(&[(10, Unknown, first_used_h), (11, Unknown, first_used_h + 1.0)]);
+            let history = by_unit(vec![worn, silent], &maintenance).remove("left").unwrap();
+            let states = history.newest.states();
+            let entered = !history.newest.knows(&events.list[0], 1_000);
+            (states[0], states[1], history.points[2].replaced.clone(), entered)
+        };
+        let gearbox = Some(ReplacedPart::Gearbox);
+        assert_eq!(of(gearbox, 5, 0.0), (Unknown, Unknown, "gearbox".to_owned(), false));
+        assert_eq!(of(None, 5, 0.0), (Unknown, Unknown, "unit".to_owned(), false));
+        // Another part leaves it.
+        let controller = Some(ReplacedPart::Controller);
+        assert_eq!(
+            of(controller, 5, 0.0),
+            (Warning, Nominal, "controller".to_owned(), false)
+        );
+        // A history that goes on was to follow it, as was one that it lies within.
+        assert_eq!(of(gearbox, 5, 6.0), (Warning, Nominal, String::new(), true));
+        assert_eq!(of(gearbox, 11, 0.0), (Warning, Nominal, String::new(), true));
+    }
+
+    #[test]
+    fn of_the_same_windows_twice_the_recording_that_knows_of_a_replacement_comes_last() {
+        let recording = |replaced: &str| {
+            let mut part = part(None, &[1, 2]);
+            part.history.newest.add_rul(Rul {
+                replaced: replaced.to_owned(),
+                ..Rul::default()
+            });
+            part.history.reasons.insert(format!("by {replaced}"), 1);
+            part.history.identity = format!("by {replaced}");
+            part
+        };
+        for around in [["", "gearbox"], ["gearbox", ""]] {
+            let history = by_unit(around.map(recording).into(), &none()).remove("left").unwrap();
+            assert_eq!(history.identity, "by gearbox");
+        }
+    }
+
+    #[test]
+    fn recordings_that_may_have_a_wrong_clock_are_named() {
+        let of = |file: &str, days: [u64; 2]| Part {
+            file: file.to_owned(),
+            ..part(None, &days.map(|day| day * NS_PER_DAY))
+        };
+        let doubts = |parts: Vec<Part>, today: u64| clock_doubts(&parts, today * NS_PER_DAY);
+        let far = |files: [&str; 2], days: u64| ClockDoubt::Far {
+            files: files.map(str::to_owned),
+            days,
+        };
+        let in_order = || vec![of("a", [1000, 1010]), of("c", [1005, 1020]), of("d", [1300, 1301])];
+        assert_eq!(doubts(in_order(), 2000), []);
+        let mut parts = in_order();
+        parts.push(of("b", [2900, 2901]));
+        let ahead = ClockDoubt::Ahead {
+            file: "b".to_owned(),
+            t_ns: 2901 * NS_PER_DAY,
+        };
+        assert_eq!(doubts(parts, 2000), [ahead, far(["d", "b"], 1599)]);
+        let mut parts = in_order();
+        parts.push(of("b", [0, 1]));
+        assert_eq!(doubts(parts, 2000), [far(["b", "a"], 999)]);
     }
 }

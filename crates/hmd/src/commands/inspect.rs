@@ -19,7 +19,7 @@ use super::{Exit, Losses, Misuse, load_config, say, to_stderr, warn};
 use hmd_core::catalogue::catalogue;
 use hmd_core::config::Config;
 use hmd_core::health::HealthState;
-use hmd_core::history::{EventKind, Events, ReplacedPart};
+use hmd_core::history::{Event, EventKind, Events, ReplacedPart};
 use hmd_core::newest::Newest;
 use hmd_core::record::{Health, Interval, Log, Record, Rul};
 use hmd_core::timestamp;
@@ -255,22 +255,35 @@ impl Printer {
             let has_others = self.summaries.keys().filter(|(name, _)| name == actuator).count() > 1;
             let serial_number = unit_number.as_deref().filter(|_| has_others);
             let mut runs: Vec<&Newest> = runs.iter().map(|(_, newest)| newest).collect();
-            runs.sort_by_key(|newest| newest.newest_ns());
+            runs.sort_by_key(|newest| newest.order());
             if Newest::overlap(runs.iter().copied()) {
                 warn(format_args!(
                     "{}: recordings overlap in time: they are of several units, or of one twice; the newest window counts",
                     printable(actuator)
                 ));
             }
-            let mut newest = Newest::default();
-            for run in runs {
-                newest.go_on(run.clone());
-            }
-            let resets = events.list.iter().filter(|event| {
+            let is_replacement = |event: &&Event| {
                 let is_reset = event.event == EventKind::Reset && event.is_about(actuator, serial_number, config);
                 is_reset && event.t_ns <= now_ns
-            });
-            for event in resets {
+            };
+            let replacements: Vec<&Event> = events.list.iter().filter(is_replacement).collect();
+            if runs.iter().any(|run| (now_ns.saturating_add(1)..u64::MAX).contains(&run.newest_ns())) {
+                warn(format_args!(
+                    "{}: windows are after the present: where a clock was wrong, they stand before newer ones",
+                    printable(actuator)
+                ));
+            }
+            let mut newest = Newest::default();
+            for run in runs {
+                let mut run = run.clone();
+                for event in &replacements {
+                    if newest.is_parted_from(&run, event.t_ns, now_ns) {
+                        run.begin_part(event.part);
+                    }
+                }
+                newest.go_on(run);
+            }
+            for event in replacements {
                 if newest.is_before(event.t_ns) {
                     newest.replace(event.part);
                 } else if !newest.knows(event, now_ns) {

@@ -8,7 +8,7 @@ use super::outputs::Outputs;
 use super::recordings::{Wanted, recordings};
 use super::{Exit, Losses, Misuse, load_config, to_stderr};
 use hmd_report::pdf;
-use hmd_report::report::{Files, View, Zone, page};
+use hmd_report::report::{Files, Maintenance, View, Zone, page};
 use hmd_storage::clock::now_ns;
 use hmd_storage::event_file::load_events;
 use hmd_storage::output_file;
@@ -28,7 +28,8 @@ pub struct Args {
     /// Only this actuator; without it all, with an overview.
     #[arg(long, value_name = "NAME")]
     actuator: Option<String>,
-    /// Configuration whose damage levels the page shows; the defaults without one.
+    /// Configuration whose damage levels the page shows; without one those that the files were recorded with, the defaults where they do not say
+    /// them.
     #[arg(short, long)]
     config: Option<PathBuf>,
     /// Time zone of the page, as Europe/Berlin or UTC; without it that of this computer.
@@ -77,9 +78,16 @@ pub fn run_with(args: &Args, tell: &mut dyn FnMut(&str)) -> anyhow::Result<Exit>
     }
     let zone = zone(args.zone.as_deref())?;
     let mut losses = Losses::default();
-    let mut files = Files::read(&recorded, &mut |loss| losses.add(loss))?;
-    files.note_replacements(&load_events(&config)?, &config, now_ns());
-    let notice = files.has_other_configuration(&config).then(|| {
+    let maintenance = Maintenance {
+        events: &load_events(&config)?,
+        config: &config,
+        now_ns: now_ns(),
+    };
+    let files = Files::read(&recorded, &maintenance, &mut |loss| losses.add(loss))?;
+    // The levels of a configuration that is named, else those of the recordings, else the defaults.
+    let recorded = files.recorded_levels().filter(|_| args.config.is_none());
+    let is_other = files.has_other_configuration(&config);
+    let notice = (is_other && recorded.is_none()).then(|| {
         let levels = args.config.as_ref().map_or_else(
             || "the defaults (-c CONFIG has others)".to_owned(),
             |path| format!("those of {}", path.display()),
@@ -90,9 +98,13 @@ pub fn run_with(args: &Args, tell: &mut dyn FnMut(&str)) -> anyhow::Result<Exit>
     if let Some(notice) = notice.as_ref().filter(|_| args.config.is_some()) {
         tell(notice);
     }
+    let are_known = recorded.is_some() || args.config.is_some() || !is_other;
+    let (levels, critical_h) = recorded.unwrap_or((*config.health().levels(), config.rul().critical_h));
     let view = View {
         zone,
-        levels: *config.health().levels(),
+        levels,
+        critical_h,
+        are_known,
         notice,
     };
     let histories = files.actuators(args.actuator.as_deref())?;

@@ -70,7 +70,8 @@ fn of_sensors(history: &History, unassessed: Option<Unassessed>) -> String {
     let moves_anew = is_replaced(history, |part| part != ReplacedPart::Controller);
     let unassessed = unassessed.filter(|_| !is_another);
     let is_jammed = unassessed.is_some() && health.reason.contains(LOCKED);
-    let is_known = HealthState::named(&health.health) != HealthState::Unknown;
+    let is_known = HealthState::named(&health.health) != HealthState::Unknown
+        || history.points.iter().any(|point| point.estimate.is_some());
     match unassessed {
         _ if is_jammed && !moves_anew && found.is_empty() => CHECK_FOR_A_JAM.to_owned(),
         _ if is_jammed && !moves_anew => format!("{CHECK_FOR_A_JAM} Check {}.", found.join("; ")),

@@ -5,6 +5,7 @@ use hmd_core::health::HealthState;
 use hmd_core::history::ReplacedPart;
 
 use super::super::history::{History, Replacement, hours_of_all, requirement};
+use super::friction::friction_left;
 
 /// States and forecast without the parts that were replaced.
 pub(super) struct Left {
@@ -48,10 +49,12 @@ impl Left {
         };
         let by_life = history.newest.state_by_life().filter(|_| !is_first_end_replaced);
         let mut raised = states;
-        if let (Some(fault), Some(state)) = (dominant, by_life) {
+        // A requirement is missed by all faults together.
+        let ends_alone = dominant.filter(|_| requirement.is_none());
+        if let (Some(fault), Some(state)) = (ends_alone, by_life) {
             raised[fault.index()] = state;
         }
-        let is_by_friction = dominant == Some(FaultId::Friction);
+        let is_by_friction = ends_alone == Some(FaultId::Friction);
         let by_friction = history
             .newest
             .state_by_life()
@@ -90,9 +93,7 @@ impl Left {
             hours,
             requirement,
             is_first_end_replaced,
-            friction_left: friction_replaced(&history.replaced_since)
-                .filter(|_| was_critical)
-                .map(|of| of.left),
+            friction_left: friction_left(history, was_critical),
         }
     }
 
@@ -129,28 +130,6 @@ fn first_end(
         .filter_map(of_fault);
     let first = ends.min_by(|a, b| a.1[0].total_cmp(&b.1[0]));
     (first.map(|(fault, _)| fault), first.map(|(_, hours)| hours))
-}
-
-/// Friction is that of motor and gearbox together: one of them was replaced, the other is left.
-pub(in super::super) struct FrictionReplaced {
-    /// Name of the new part.
-    pub(in super::super) part: &'static str,
-    /// What the friction may still come from, in words.
-    pub(super) left: &'static str,
-}
-
-/// `None` where neither of them, both or the whole actuator was replaced.
-pub(in super::super) fn friction_replaced(replaced: &[Replacement]) -> Option<FrictionReplaced> {
-    let has = |part: Option<ReplacedPart>| replaced.iter().any(|replacement| replacement.part == part);
-    let (part, left) = match [None, Some(ReplacedPart::Motor), Some(ReplacedPart::Gearbox)].map(has) {
-        [false, true, false] => (ReplacedPart::Motor, "gear and screw"),
-        [false, false, true] => (ReplacedPart::Gearbox, "the bearings of the motor"),
-        _ => return None,
-    };
-    Some(FrictionReplaced {
-        part: part.name(),
-        left,
-    })
 }
 
 /// Whether nothing is known of this fault once these parts, or the actuator (`None`), are others.

@@ -1,0 +1,42 @@
+//! What a page measures damages and hours left by.
+
+use ema_models::FaultId;
+use hmd_core::catalogue::{FaultMode, catalogue};
+use hmd_core::health::Levels;
+
+/// Levels and texts of the faults, and the level of the remaining life.
+pub(super) struct Rules {
+    /// In the order of [`FaultId::ALL`].
+    pub(super) modes: [FaultMode; FaultId::COUNT],
+    /// An actuator is critical whose 10 % quantile of the hours left is below this; 0: never.
+    pub(super) critical_h: f64,
+    /// Whether the windows were assessed by them, as far as is known; the recordings do not say their own levels otherwise.
+    pub(super) are_known: bool,
+}
+
+impl Rules {
+    pub(super) fn new(levels: &[Levels; FaultId::COUNT], critical_h: f64, are_known: bool) -> Self {
+        Self {
+            modes: catalogue(levels).fault_modes,
+            critical_h,
+            are_known,
+        }
+    }
+
+    /// The mode of a fault.
+    pub(super) fn of(&self, fault: FaultId) -> &FaultMode {
+        &self.modes[fault.index()]
+    }
+
+    /// The same, where its levels are those of the windows.
+    pub(super) fn known(&self, fault: FaultId) -> Option<&FaultMode> {
+        self.are_known.then(|| self.of(fault))
+    }
+}
+
+#[cfg(test)]
+impl Default for Rules {
+    fn default() -> Self {
+        Self::new(&[Levels::default(); FaultId::COUNT], 0.0, true)
+    }
+}

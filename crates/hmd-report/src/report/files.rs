@@ -171,8 +171,7 @@ impl Files {
     fn note_replacements(&mut self, maintenance: &Maintenance<'_>) {
         for (name, history) in &mut self.actuators {
             for event in maintenance.replacements_of(name) {
-     = history.points.iter().all(|point| point.t_start_ns < event.t_ns);
-                let list = match is_after_all {
+                let list = match history.newest.is_before(event.t_ns) {
                     true => &mut history.replaced_since,
                     false if history.newest.knows(event, maintenance.now_ns) => continue,
                     false => &mut history.entered_since,

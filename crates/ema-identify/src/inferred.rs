@@ -22,6 +22,8 @@ pub struct InferredReadings {
     pub dc_link: Option<Inferred>,
     /// Torque for each read current of phase A, B, C, relative to that of the commissioned unit.
     pub turns: Option<[Inferred; 3]>,
+    /// The least of these, of the phases that the window shows.
+    pub least_turns: Option<Inferred>,
     /// Friction relative to that of the commissioned unit.
     pub friction: Option<Inferred>,
 }

@@ -1,7 +1,7 @@
 //! Parameters of one unit from windows in which it was healthy: one joint least squares of the monitor over all of them.
 //!
 //! The windows share the deviations of [`UnitParameter`]; each has a load and an integral of its own. The tolerances of the
-//! parameters are the prior.
+//! parameters are the prior, and of each window what it knows of its load: motion one way does not tell a load from friction.
 
 use std::vec;
 use std::vec::Vec;
@@ -62,6 +62,33 @@ pub struct UnitParametersFit {
 type Shared = SVector<f64, UNIT_PARAMETER_COUNT>;
 type Own = SVector<f64, 2>;
 
+/// What a window knows of its load and integral beforehand, in shares of the largest torque.
+#[derive(Clone, Copy)]
+struct OwnPrior {
+    expected: Own,
+    information: Own,
+}
+
+impl OwnPrior {
+    /// Of a window whose squares count by `share`; what is known beforehand counts in full.
+    fn of(window: &Comparison<'_>, share: f64) -> Self {
+        let scale = Scale::new(window.params);
+        let coordinates = |load_torque: f64, integral: f64| {
+            let x = scale.coordinates(&Unknowns {
+                load_torque,
+                integral,
+                ..window.unknowns_with_fault(FaultVector::NOMINAL)
+            });
+            Own::new(x.0[LOAD_COORDINATE], x.0[LOAD_COORDINATE + 1])
+        };
+        let sigma = coordinates(window.prior.load_torque, window.prior.integral);
+        Self {
+            expected: coordinates(window.conditions.load_torque.unwrap_or(0.0), 0.0),
+            information: sigma.map(|sigma| 1.0 / (share * sigma * sigma)),
+        }
+    }
+}
+
 /// Fits the parameters of one unit to healthy windows of it; all comparisons have the type's parameters. The prior of the first
 /// one's motor stands for the tolerances of R and k, `of_type` has the others.
 ///
@@ -90,8 +117,8 @@ pub fn fit_unit_parameters(windows: &[Comparison<'_>], of_type: &Tolerances) -> 
         let off = shared - expected;
         0.5 * off.dot(&(prior * off))
     };
-    let mut best = Point::at(windows, expected, own);
     let share = 1.0 / (ERROR_TIME_S * first.params.sensors.sample_rate).max(1.0);
+    let mut best = Point::at(windows, expected, own, share);
     let mut damping = DAMPING;
     for _ in 0..ITERATIONS {
         let (mut information, mut gradient) = (prior, prior * (best.shared - expected));
@@ -109,7 +136,7 @@ pub fn fit_unit_parameters(windows: &[Comparison<'_>], of_type: &Tolerances) -> 
             .iter()
             .zip(&best.sums)
             .map(|(own, sums)| own + sums.own_step(&step));
-        let next = Point::at(windows, moved, own.collect());
+        let next = Point::at(windows, moved, own.collect(), share);
         if share * next.cost() + cost_of_prior(&next.shared) < share * best.cost() + cost_of_prior(&best.shared) {
             best = next;
             damping = (damping / DAMPING_FACTOR).max(DAMPING_MIN);
@@ -123,7 +150,7 @@ pub fn fit_unit_parameters(windows: &[Comparison<'_>], of_type: &Tolerances) -> 
 
     let Point { shared, sums, .. } = &best;
     let samples: usize = windows.iter().map(|window| window.recording.samples.len()).sum();
-    let cost = best.cost() / samples.max(1) as f64;
+    let cost = best.sums.iter().map(|sums| sums.misfit).sum::<f64>() / samples.max(1) as f64;
     let signals = first.weights.to_array().iter().filter(|w| **w > 0.0).count() as f64;
     // What the monitor does not explain is the same in every window of an actuator: more windows average the noise, not this.
     let unexplained = (2.0 * cost / signals - 1.0).max(0.0);
@@ -170,16 +197,16 @@ struct Point {
 }
 
 impl Point {
-    fn at(windows: &[Comparison<'_>], shared: Shared, own: Vec<Own>) -> Self {
+    fn at(windows: &[Comparison<'_>], shared: Shared, own: Vec<Own>, share: f64) -> Self {
         let sums = windows
             .par_iter()
             .zip(&own)
-            .map(|(window, own)| Sums::of(window, &shared, own))
+            .map(|(window, own)| Sums::of(window, &shared, own, share))
             .collect();
         Self { shared, own, sums }
     }
 
-    /// Cost of all windows, without the prior.
+    /// Cost of all windows, without the prior of the shared unknowns.
     fn cost(&self) -> f64 {
         self.sums.iter().map(|sums| sums.cost).sum()
     }
@@ -189,12 +216,15 @@ impl Point {
 struct Sums {
     ata: SMatrix<f64, WINDOW_COUNT, WINDOW_COUNT>,
     atr: SVector<f64, WINDOW_COUNT>,
+    /// With the prior of load and integral.
     cost: f64,
+    /// Without.
+    misfit: f64,
 }
 
 impl Sums {
     /// By central differences: in the valley of R, k and J the error of one-sided ones leads astray.
-    fn of(window: &Comparison<'_>, shared: &Shared, own: &Own) -> Self {
+    fn of(window: &Comparison<'_>, shared: &Shared, own: &Own, share: f64) -> Self {
         let tolerances = tolerances(&Tolerances::USUAL);
         let step = |place: usize| tolerances.get(place).map_or(OWN_DIFFERENCE, |t| DIFFERENCE_SHARE * t);
         // Lane 0 and the unused lanes are at the point itself.
@@ -218,6 +248,7 @@ impl Sums {
             ata: SMatrix::zeros(),
             atr: SVector::zeros(),
             cost: 0.0,
+            misfit: 0.0,
         };
         for (ahead, behind) in forward.iter().zip(&backward) {
             for ((ahead, behind), weight) in ahead.iter().zip(behind).zip(weights) {
@@ -227,10 +258,18 @@ impl Sums {
                 });
                 sums.ata.syger(1.0, &slopes, &slopes, 1.0);
                 sums.atr.axpy(r, &slopes, 1.0);
-                sums.cost += 0.5 * r * r;
+                sums.misfit += 0.5 * r * r;
             }
         }
         sums.ata.fill_upper_triangle_with_lower_triangle();
+        sums.cost = sums.misfit;
+        let prior = OwnPrior::of(window, share);
+        for n in 0..own.len() {
+            let (place, off) = (UNIT_PARAMETER_COUNT + n, own[n] - prior.expected[n]);
+            sums.ata[(place, place)] += prior.information[n];
+            sums.atr[place] += prior.information[n] * off;
+            sums.cost += 0.5 * prior.information[n] * off * off;
+        }
         sums
     }
 

@@ -7,6 +7,7 @@
 //! |---|---|
 //! | `wiring` | share of the current on the torque axis: order and sign of phases, direction and counts of the resolver, pole pairs |
 //! | `currents` | by the equations of `current_equations`: sum of the currents, direct current: offsets, gain of a phase, zero of the resolver, samples of another instant |
+//! | `offset_of_sum` | torque balance of the shaft: which phase has the offset of the sum |
 //! | `control_law` | current that the drive asks for: gain of all currents, link of a vector drive |
 //! | `current_limit` | current that lasts beyond the limit of the drive: gain of all currents |
 //! | `torque` | balance of the shaft: sign and gain of the currents, load |
@@ -28,6 +29,7 @@ mod currents;
 mod findings;
 mod gear_ratio;
 mod least_squares;
+mod offset_of_sum;
 mod readings;
 pub mod rivals;
 mod setpoint_time;

@@ -7,7 +7,9 @@ use ema_models::{FAULT_COUNT, FaultVector};
 use super::UnitEstimate;
 use crate::estimate::{Estimate, OBSERVABLE_SIGMA};
 use crate::relations::{ELEMENT_COUNT, Element, Needed};
-use crate::unit_calibration::{UnitMonitor, change_since, elements_of, fault_of, nominal_elements};
+use crate::unit_calibration::{
+    ElementStatistics, UnitMonitor, UnitParameter, change_since, elements_of, fault_of, nominal_elements,
+};
 
 /// Cost up to which the monitor explains a healthy window as well as those of its type.
 pub const USUAL_COST: f64 = 3.0;
@@ -47,7 +49,8 @@ pub fn corrected(unit: &UnitMonitor, estimate: Estimate, sample_rate_hz: f64) ->
             Some(found) if needed[parameter].is_none() => {
                 let distance = change_since(element, apparent[element as usize], baseline.mean).0
                     - nominal_elements()[element as usize];
-                let error = ERROR_FLOOR.hypot(error_share * distance);
+                let learnt = learnt_sigma(unit, element, baseline);
+                let error = ERROR_FLOOR.hypot(error_share * distance).hypot(learnt);
                 let found = (factor * found).hypot(error);
                 sigma[parameter] = Some(sigma[parameter].map_or(found, |other: f64| other.max(found)));
             }
@@ -74,4 +77,15 @@ pub fn corrected(unit: &UnitMonitor, estimate: Estimate, sample_rate_hz: f64) ->
         unexplained: Vec::new(),
         bridge_spread: [0.0; FAULT_COUNT],
     }
+}
+
+/// One standard deviation of a change by what the learnt parameters leave open of the element itself: `½ σ/(1 + d)` of k1 with the deviation
+/// d of the dry friction. Healthy windows that read less than no wear, of which the limit leaves no wear, do not show it in their mean.
+fn learnt_sigma(unit: &UnitMonitor, element: Element, baseline: &ElementStatistics) -> f64 {
+    let is_at_limit = baseline.mean <= baseline.scatter;
+    if element != Element::Friction || !is_at_limit {
+        return 0.0;
+    }
+    let learnt = unit.parameters.of(UnitParameter::DryFriction);
+    0.5 * learnt.sigma / (1.0 + learnt.share)
 }

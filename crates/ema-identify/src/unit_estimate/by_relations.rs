@@ -154,6 +154,10 @@ fn inferred(found: &RelationsEstimate) -> InferredReadings {
             [Some(a), Some(b), Some(c)] => Some([a, b, c]),
             _ => None,
         },
+        least_turns: of_phases
+            .into_iter()
+            .flatten()
+            .reduce(|least, x| if x.value < least.value { x } else { least }),
     }
 }
 

@@ -10,7 +10,7 @@ use ema_models::{ActuatorParams, Conditions, FAULT_COUNT, FaultId};
 use super::AssessError;
 use super::friction_sigma::{friction_sigma, gear_loss_sigma};
 use crate::log_map::Resampling;
-use crate::motion::motion_of;
+use crate::motion::{ONE_WAY_FACTOR, motion_of, moves_one_way};
 use crate::outbox::WindowJob;
 use crate::outliers::{estimate_without_outliers, identify_without_outliers};
 use crate::sample::MeasuredConditions;
@@ -31,6 +31,15 @@ impl Assessed {
             estimate: self.estimate.widened(&[factor; FAULT_COUNT]),
             ..self
         }
+    }
+
+    /// The same without these faults, which the window does not show then.
+    pub(super) fn without(mut self, faults: &[FaultId]) -> Self {
+        for fault in faults {
+            self.estimate.observable[fault.parameter()] = false;
+            self.estimate.sigma[fault.parameter()] = None;
+        }
+        self
     }
 }
 
@@ -70,7 +79,7 @@ pub(super) fn estimate(
         } else {
             1.0
         };
-        Ok::<_, AssessError>(found.map(|(fit, found)| (fit, found.widened(factor))))
+        Ok::<_, AssessError>(found.map(|(fit, found)| (fit, widened_one_way(job, found.widened(factor)))))
     };
     let found = match (unit.estimator, &unit.relations, &unit.monitor) {
         (UnitEstimator::Relations, Some(_), monitor) => match of_relations(job)? {
@@ -237,6 +246,15 @@ fn by_monitor(
         let fit = identifier.fit(&prepared, conditions, &estimate);
         (fit, corrected(monitor, estimate, job.params.sensors.sample_rate))
     }))
+}
+
+/// An estimate of the monitor with the sigma of its friction in the motion of its window.
+pub(crate) fn widened_one_way(job: &WindowJob, found: UnitEstimate) -> UnitEstimate {
+    if moves_one_way(job) {
+        found.widened_in(&[FaultId::Friction], ONE_WAY_FACTOR)
+    } else {
+        found
+    }
 }
 
 /// Factor on the sigmas of the monitor in a motion that commissioning has not seen. What the monitor does not explain of the healthy windows

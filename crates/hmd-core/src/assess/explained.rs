@@ -13,12 +13,13 @@ use super::by_signals::{BySignals, CORRECTED_FACTOR, in_words};
 use super::by_unit::{self, Assessed, OF_THE_ROTOR};
 use super::{AssessError, Assessor, conditions, unseen};
 use crate::config::SearchMethod;
-use crate::motion::moves_one_way;
+use crate::motion::{ONE_WAY_FACTOR, moves_one_way};
 use crate::outbox::WindowJob;
 use crate::outliers::grants_runs;
 use crate::seed::{mix, name_hash};
 use crate::sensor_checks::rivals::{
-    BETTER, Corrected, Rival, Verdict, accuses_all_phases_alike, correct, is_doubtful, judge, rivals,
+    BETTER, Corrected, Rival, Verdict, accused_by_reading, accuses_all_phases_alike, correct, is_doubtful, judge,
+    reversed_current, rivals,
 };
 use crate::sensor_checks::{Contradiction, Suspect, Suspicion, contradictions};
 
@@ -93,6 +94,12 @@ impl Assessor {
         else {
             return Ok(Explained::invalid(suspects, reasons));
         };
+        if let Some(reversed) = reversed_current(&assessed.estimate).filter(|_| !is_learning) {
+            suspects.extend(reversed.iter().map(|suspicion| suspicion.suspect));
+            let sentences: Vec<String> = reversed.iter().map(ToString::to_string).collect();
+            reasons.push(sentences.join(", or "));
+            return Ok(Explained::invalid(suspects, reasons));
+        }
         if !is_learning {
             let found = self.without_contradicted(&mut corrected, assessed, effort, &mut suspects, &mut reasons)?;
             assessed = found.0;
@@ -111,13 +118,10 @@ impl Assessor {
                     reasons.push(format!("{}, or {}", suspicion.sentence, in_words(&assessed)));
                     return Ok(Explained::invalid(suspects, reasons));
                 }
-                Competitors::Best(Some((Verdict::Undecided, suspicion, _))) => {
-                    let parts = in_words(&assessed);
-                    reasons.push(format!(
-                        "{}, or {parts}: motion in one direction does not tell them apart",
-                        suspicion.sentence
-                    ));
-                    return Ok(Explained::invalid(suspects, reasons));
+                Competitors::Best(Some((Verdict::Undecided, _, of_rival))) => {
+                    let hidden = accused_by_reading(&assessed.estimate, &of_rival.estimate, self.watch_level());
+                    reasons.push(told_by_load_alone(&corrected, &assessed, &of_rival, &hidden));
+                    assessed = assessed.without(&hidden);
                 }
                 Competitors::Best(Some((Verdict::Worse, ..)) | None) => {}
             }
@@ -306,7 +310,8 @@ impl Assessor {
             }
         }
         Ok(Competitors::Best(found.map(|(verdict, rival, of_rival)| {
-            let suspicion = rival.suspicion(job, &of_rival.estimate, assessed.estimate.cost);
+            let instead_of = (verdict == Verdict::Better).then_some(assessed.estimate.cost);
+            let suspicion = rival.suspicion(job, &of_rival.estimate, instead_of);
             (verdict, suspicion, of_rival)
         })))
     }
@@ -364,6 +369,20 @@ impl Assessor {
     }
 }
 
+/// Why faults that only the reading of the load accuses are not shown.
+fn told_by_load_alone(job: &WindowJob, assessed: &Assessed, without: &Assessed, faults: &[FaultId]) -> String {
+    let named = faults.iter().map(|fault| {
+        let damage = assessed.estimate.fault.damage_of(*fault);
+        format!("{} {damage:.2}", fault.name())
+    });
+    format!(
+        "{} by the load as it is read alone, {:.1} N m: with {:.1} N m the motion fits as well",
+        named.collect::<Vec<String>>().join(", "),
+        job.conditions.load_torque_nm.unwrap_or(0.0),
+        without.estimate.unknowns.load_torque
+    )
+}
+
 fn name(suspect: Suspect, suspects: &mut Vec<Suspect>) {
     if !suspects.contains(&suspect) {
         suspects.push(suspect);
@@ -381,5 +400,3 @@ fn one_way_factors() -> [f64; FAULT_COUNT] {
     }
     factors
 }
-
-const ONE_WAY_FACTOR: f64 = 2.0;

@@ -11,7 +11,7 @@ use ema_models::{Conditions, Tolerances};
 
 use super::evidence::Evidence;
 use super::{CommissioningError, FarParameter, TOLERANCES_MAX};
-use crate::assess::{AssessError, Assessor, conditions};
+use crate::assess::{AssessError, Assessor, conditions, widened_one_way};
 use crate::outbox::WindowJob;
 use crate::outliers::identify_without_outliers;
 
@@ -69,7 +69,10 @@ pub(super) fn learn_monitor(
     let of_unit: Vec<Estimate> = estimates
         .iter()
         .zip(&*jobs)
-        .map(|(estimate, job)| corrected(&unit, estimate.clone(), job.params.sensors.sample_rate).estimate)
+        .map(|(estimate, job)| {
+            let found = corrected(&unit, estimate.clone(), job.params.sensors.sample_rate);
+            widened_one_way(job, found).estimate
+        })
         .collect();
     let sigmas: Vec<_> = of_unit.iter().map(|estimate| estimate.sigma).collect();
     let explained = of_unit.iter().filter(|estimate| !estimate.is_unmodelled()).count();

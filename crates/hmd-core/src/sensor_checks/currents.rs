@@ -24,6 +24,9 @@ pub(super) enum CurrentError {
         /// Whether the direct voltage of an eccentric rotor explains them alike.
         or_rotor: bool,
     },
+    /// Offset of the sum of the phases, A, of which the direct current shows nothing: a drive that has these sensors holds what they read
+    /// at zero.
+    Sum(f64),
     /// This phase reads so many times its current.
     Gain(usize, f64),
     /// The resolver is ahead of the rotor by this angle, rad electrical, or, where both explain the window alike, the currents
@@ -43,6 +46,9 @@ pub(super) enum CurrentError {
 /// Offset in tolerances, and in standard deviations of the fit, from which on it is no tolerance.
 const OFFSET_TOLERANCES: f64 = 3.3;
 const SIGMAS: f64 = 6.0;
+
+/// Share of that limit from which on a sum is worth a question where nothing else explains a window.
+const SUM_SHARE: f64 = 0.5;
 
 /// Usual tolerance of an offset as a share of I_max: 30 mA on `bench`. Smaller motors have sensors of a smaller range.
 pub(crate) const OFFSET_SHARE: f64 = 2.8e-3;
@@ -78,13 +84,17 @@ pub(super) fn current_errors(signals: &Signals, tolerances: &Tolerances) -> Vec<
     if found.iter().any(|error| matches!(error, CurrentError::Gain(..))) {
         return found;
     }
+    let limit = offset_limit(signals, tolerances);
+    if let Some(sum) = sum.filter(|_| alpha.abs() + beta.abs() <= 0.0) {
+        found.extend((limit > 0.0 && sum.abs() > SUM_SHARE * limit).then_some(CurrentError::Sum(sum)));
+        return found;
+    }
     let common = sum.unwrap_or(0.0) / 3.0;
     let offsets = [
         alpha + common,
         -0.5 * alpha + 0.75_f64.sqrt() * beta + common,
         -0.5 * alpha - 0.75_f64.sqrt() * beta + common,
     ];
-    let limit = OFFSET_TOLERANCES * tolerances.current_offset.min(OFFSET_SHARE * signals.i_max());
     let beyond = offsets.iter().filter(|offset| offset.abs() > limit).count();
     if limit > 0.0 && beyond > 0 {
         // A rotor makes no sum of the currents, and that its components complete the sum to an offset of one phase is no chance.
@@ -95,6 +105,11 @@ pub(super) fn current_errors(signals: &Signals, tolerances: &Tolerances) -> Vec<
         });
     }
     found
+}
+
+/// Offset of one phase beyond which it is no tolerance, A; 0 where the tolerances have none.
+pub(super) fn offset_limit(signals: &Signals, tolerances: &Tolerances) -> f64 {
+    OFFSET_TOLERANCES * tolerances.current_offset.min(OFFSET_SHARE * signals.i_max())
 }
 
 /// The phase whose gain explains the sum of the currents.

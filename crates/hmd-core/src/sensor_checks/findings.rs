@@ -9,12 +9,13 @@ use super::angles::{
 use super::control_law::{gain_at_limit, link_by_law};
 use super::correction::Correction;
 use super::current_limit::gain_beyond_limit;
-use super::currents::{CurrentError, ZERO_MIN, current_errors, gain_of_a_phase};
+use super::currents::{CurrentError, ZERO_MIN, current_errors, gain_of_a_phase, offset_limit};
 use super::gear_ratio::precise_ratio;
+use super::offset_of_sum::{SumOffset, offset_of_sum};
 use super::signals::Signals;
 use super::suspect::{Suspect, Suspicion};
 use super::torque::{Balance, balance};
-use super::wiring::{FarZero, OnTorqueAxis, Wiring, far_zero, other_wiring};
+use super::wiring::{FAR, FarZero, OnTorqueAxis, Wiring, far_zero, other_wiring};
 use crate::outbox::WindowJob;
 use crate::window::{Defect, Invalidity, WindowQuality};
 
@@ -69,7 +70,12 @@ pub fn examine(job: &WindowJob) -> Vec<Finding> {
     }
     let mut findings: Vec<Finding> = Vec::new();
     findings.extend(ratio.and_then(|ratio| of_ratio(params, ratio, &signals)));
-    if findings.is_empty() {
+    // Where the output lies in its play, and so the flank of a motion that has begun before, is not known.
+    let is_in_motion = matches!(
+        job.window.quality,
+        WindowQuality::Invalid(Invalidity::StartInMotion { .. })
+    );
+    if findings.is_empty() && !is_in_motion {
         findings.extend(precise_ratio(&signals, params).map(|ratio| of_precise_ratio(params, ratio, &signals)));
     }
     if findings.is_empty() {
@@ -92,8 +98,12 @@ pub fn examine(job: &WindowJob) -> Vec<Finding> {
         }
         return findings;
     }
-    let errors = current_errors(&signals, tolerances);
-    findings.extend(errors.into_iter().map(|error| of_currents(params, &error)));
+    for error in current_errors(&signals, tolerances) {
+        findings.extend(match error {
+            CurrentError::Sum(sum) => of_sum(&signals, params, sum, offset_limit(&signals, tolerances)),
+            error => Some(of_currents(params, &error)),
+        });
+    }
     if findings.is_empty() {
         findings.extend(of_link(job, &signals, tolerances));
     }
@@ -364,18 +374,8 @@ fn of_setpoint(params: &ActuatorParams, error: SetpointError) -> Finding {
 
 fn of_currents(params: &ActuatorParams, error: &CurrentError) -> Finding {
     match *error {
-        CurrentError::Offsets { offset, or_rotor } => {
-            let all: Vec<String> = PHASES
-                .iter()
-                .zip(offset)
-                .map(|(phase, offset)| format!("{phase} {:+.0} mA", 1e3 * offset))
-                .collect();
-            let correction = Correction::Currents { offset, gain: [1.0; 3] };
-            Finding {
-                or_part: or_rotor,
-                ..Finding::new(Suspect::CurrentOffset, &all.join(", "), Some(correction))
-            }
-        }
+        CurrentError::Offsets { offset, or_rotor } => of_offsets(offset, or_rotor),
+        CurrentError::Sum(sum) => Finding::new(Suspect::CurrentOffset, &of_phases_together(sum), None),
         CurrentError::Gain(phase, gain) => {
             let mut gains = [1.0; 3];
             gains[phase] = gain;
@@ -394,6 +394,11 @@ fn of_currents(params: &ActuatorParams, error: &CurrentError) -> Finding {
             );
             Finding::new(suspect, &evidence, correction)
         }
+        CurrentError::Zero { ahead, sigma, or_late } if ahead.abs() > FAR => {
+            let mut finding = of_zero_or_opposite(ahead.to_degrees(), sigma.to_degrees());
+            finding.suspicions.extend(or_late.map(of_age));
+            finding
+        }
         CurrentError::Zero { ahead, sigma, or_late } => {
             let (degrees, sigma) = (ahead.to_degrees(), sigma.to_degrees());
             let counts = counts_of(params, ahead);
@@ -411,6 +416,55 @@ fn of_currents(params: &ActuatorParams, error: &CurrentError) -> Finding {
             }
         }
     }
+}
+
+fn of_offsets(offset: [f64; 3], or_part: bool) -> Finding {
+    let all: Vec<String> = PHASES
+        .iter()
+        .zip(offset)
+        .map(|(phase, offset)| format!("{phase} {:+.0} mA", 1e3 * offset))
+        .collect();
+    let correction = Correction::Currents { offset, gain: [1.0; 3] };
+    Finding {
+        or_part,
+        ..Finding::new(Suspect::CurrentOffset, &all.join(", "), Some(correction))
+    }
+}
+
+/// Offsets of the sum that the direct current does not show, beyond `limit` for one phase. What a tolerance explains as well is taken out only
+/// where the estimate asks for it.
+fn of_sum(signals: &Signals, params: &ActuatorParams, sum: f64, limit: f64) -> Option<Finding> {
+    match offset_of_sum(signals, params, sum, limit) {
+        Some(SumOffset::OfPhase(phase)) => {
+            let mut offset = [0.0; 3];
+            offset[phase] = sum;
+            Some(of_offsets(offset, sum.abs() <= limit))
+        }
+        Some(SumOffset::OfAll) => (sum.abs() > 3.0 * limit).then(|| of_offsets([sum / 3.0; 3], false)),
+        // Three sensors within their tolerances sum to so much seldom.
+        None => (sum.abs() > 3_f64.sqrt() * limit)
+            .then(|| Finding::new(Suspect::CurrentOffset, &of_phases_together(sum), None)),
+    }
+}
+
+fn of_phases_together(sum: f64) -> String {
+    format!(
+        "the phases sum to {:+.0} mA, the torque does not tell which it is",
+        1e3 * sum
+    )
+}
+
+/// A zero far off whose half turn no torque tells, and every wiring that turns the currents alike.
+fn of_zero_or_opposite(degrees: f64, sigma: f64) -> Finding {
+    let opposite = degrees - 180_f64.copysign(degrees);
+    let evidence = format!("{degrees:+.1} or {opposite:+.1} ± {sigma:.1}° electrical ahead of the rotor");
+    let mut finding = Finding::new(Suspect::ResolverZero, &evidence, None);
+    let is_cyclic = |ahead: f64| (ahead.abs() - 120.0).abs() < ZERO_MIN.to_degrees();
+    if is_cyclic(degrees) || is_cyclic(opposite) {
+        let evidence = "all seem shifted by one place, or shifted and reversed";
+        finding.suspicions.push(suspicion(Suspect::PhaseOrder, evidence));
+    }
+    finding
 }
 
 fn of_limit(params: &ActuatorParams, gain: f64) -> Finding {
@@ -478,6 +532,26 @@ pub(super) fn torque_ratio(job: &WindowJob) -> Option<(f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_far_zero_whose_half_turn_is_open_is_not_taken_out() {
+        let params = ActuatorParams::bench();
+        let at = |degrees: f64| {
+            let error = CurrentError::Zero {
+                ahead: degrees.to_radians(),
+                sigma: 0.01,
+                or_late: None,
+            };
+            of_currents(&params, &error)
+        };
+        let near = at(12.0);
+        assert!(near.correction.is_some() && near.suspicions.len() == 1, "{near:?}");
+        let far = at(-58.7);
+        assert_eq!(far.correction, None);
+        let named: Vec<Suspect> = far.suspicions.iter().map(|suspicion| suspicion.suspect).collect();
+        assert_eq!(named, [Suspect::ResolverZero, Suspect::PhaseOrder]);
+        assert!(far.suspicions[0].sentence.contains("-58.7 or +121.3"), "{far:?}");
+    }
 
     #[test]
     fn an_output_beyond_its_set_point_has_another_scale_and_one_at_it_another_gear() {

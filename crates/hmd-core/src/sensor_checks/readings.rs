@@ -127,7 +127,7 @@ const OFFSET_SIGMA_MAX: f64 = 0.01;
 const RESOLVER_SIGMA_MAX: f64 = 0.02;
 
 /// Offsets along α and β, and the error of the resolver, by the torque balance.
-fn by_balance(signals: &Signals, params: &ActuatorParams) -> Option<([Reading; 2], [Reading; 4])> {
+pub(super) fn by_balance(signals: &Signals, params: &ActuatorParams) -> Option<([Reading; 2], [Reading; 4])> {
     let motor = &params.motor;
     let (p, rate) = (motor.pole_pairs, signals.rate_hz);
     let kernel = Kernel::rigid(HALF_WIDTH_S.max(HALF_WIDTH_MIN / rate), rate);

@@ -3,15 +3,17 @@
 //! A window that accuses a part, or that no fault explains, is estimated again without a reading, or with another one. The better
 //! explanation wins; where both explain the window alike and differ in what they accuse, the window accuses nothing.
 
+use std::ops::RangeInclusive;
+
 use ema_models::{DriveKind, FaultId, REFERENCE_TEMPERATURE_DEG_C};
 
 use super::correction::{Correction, LINK_POSSIBLE};
 use super::findings::torque_ratio;
 use super::suspect::{Suspect, Suspicion};
 use crate::health::{SIGNIFICANCE, significance};
-use crate::motion::moves_one_way;
+use crate::motion::{moves_one_way, travel_sign};
 use crate::outbox::WindowJob;
-use ema_identify::Estimate;
+use ema_identify::{Estimate, Inferred};
 
 /// One reading taken as wrong.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -104,9 +106,9 @@ impl Rival {
         job
     }
 
-    /// The sentence of it, with the estimate that has the other reading; the read one costs `instead_of`.
+    /// The sentence of it, with the estimate that has the other reading; the read one costs `instead_of`, where that is more.
     #[must_use]
-    pub fn suspicion(&self, job: &WindowJob, estimate: &Estimate, instead_of: f64) -> Suspicion {
+    pub fn suspicion(&self, job: &WindowJob, estimate: &Estimate, instead_of: Option<f64>) -> Suspicion {
         let suspect = self.suspect;
         let conditions = &job.conditions;
         let evidence = match suspect {
@@ -127,9 +129,13 @@ impl Rival {
                 format!("reads {read:.0} V, the motion fits {fits:.0} V")
             }
         };
+        let compared = match instead_of {
+            Some(more) => format!("cost {:.1}, not {more:.1}", estimate.cost),
+            None => "as well".to_owned(),
+        };
         Suspicion {
             suspect,
-            sentence: format!("{suspect}: {evidence}: cost {:.1}, not {instead_of:.1}", estimate.cost),
+            sentence: format!("{suspect}: {evidence}: {compared}"),
         }
     }
 }
@@ -139,7 +145,7 @@ impl Rival {
 pub enum Verdict {
     /// It explains nothing more.
     Worse,
-    /// Without the reading the window does not show the fault, and nothing else says that the reading is right.
+    /// Another load explains the window alike, and accuses less: its reading alone tells it from the fault.
     Undecided,
     /// It explains the window alike, and accuses less.
     Alike,
@@ -277,22 +283,102 @@ pub fn compare(estimate: &Estimate, suspect: Suspect, rival: &Estimate, level: f
     }
 }
 
-/// Compares an estimate with that of a rival by [`compare`]; what a load parts from friction in motion one way is told by its reading alone.
+/// Compares an estimate with that of a rival by [`compare`]. A load sensor is accused by nothing that its reading explains as well: where another
+/// load does so too and accuses less, the reading alone parts load and fault.
 #[must_use]
 pub fn judge(job: &WindowJob, estimate: &Estimate, suspect: Suspect, rival: &Estimate, level: f64) -> Verdict {
     let verdict = compare(estimate, suspect, rival, level);
+    if suspect != Suspect::LoadSensor || verdict == Verdict::Better {
+        return verdict;
+    }
     let accuses = |estimate: &Estimate| accused(estimate, level).contains(&FaultId::Friction);
-    let is_undecided = || {
-        suspect == Suspect::LoadSensor
-            && moves_one_way(job)
+    let hides_friction = || {
+        moves_one_way(job)
             && accuses(estimate)
             && !rival.is_unmodelled()
             && !(accuses(rival) && rival.sigma[FaultId::Friction.parameter()].is_some())
             && rival.cost < ALIKE * estimate.cost
     };
-    if verdict == Verdict::Worse && is_undecided() {
+    if (verdict == Verdict::Alike || hides_friction()) && is_other_load(job, estimate, rival, level) {
         Verdict::Undecided
     } else {
-        verdict
+        Verdict::Worse
+    }
+}
+
+/// Loads that take the place of a friction, as shares of the torque of its wear; shares of the healthy friction that other faults need.
+const IN_PLACE_OF_WEAR: RangeInclusive<f64> = 0.5..=3.0;
+const ANOTHER_LOAD: f64 = 0.15;
+
+/// Whether the load of a rival is another one than is read: one that opposes the motion as the wear does that it explains. A fit without the reading
+/// also ends at loads that explain nothing.
+fn is_other_load(job: &WindowJob, estimate: &Estimate, rival: &Estimate, level: f64) -> bool {
+    let Some(read) = job.conditions.load_torque_nm else {
+        return false;
+    };
+    let gear = &job.params.transmission;
+    let friction = gear.friction_dynamic * gear.gear_ratio;
+    let off = (rival.unknowns.load_torque - read) / friction.max(f64::MIN_POSITIVE);
+    if !accused(estimate, level).contains(&FaultId::Friction) {
+        return off.abs() > ANOTHER_LOAD;
+    }
+    let opposing = if moves_one_way(job) {
+        off * travel_sign(job)
+    } else {
+        off.abs()
+    };
+    let worn = 2.0 * estimate.fault.damage_of(FaultId::Friction);
+    IN_PLACE_OF_WEAR.contains(&(opposing / worn))
+}
+
+/// The faults that an estimate accuses and a rival does not.
+#[must_use]
+pub fn accused_by_reading(estimate: &Estimate, rival: &Estimate, level: f64) -> Vec<FaultId> {
+    let of_rival = accused(rival, level);
+    let only = accused(estimate, level).into_iter();
+    only.filter(|fault| !of_rival.contains(fault)).collect()
+}
+
+/// Standard deviations by which the turns of a phase are less than none.
+const NEGATIVE_SIGMAS: f64 = 4.0;
+
+/// What is wrong where the motion needs a current of the other sign: the worst winding has no turns, none less than that.
+#[must_use]
+pub fn reversed_current(estimate: &Estimate) -> Option<[Suspicion; 2]> {
+    of_least_turns(estimate.inferred.least_turns?)
+}
+
+fn of_least_turns(turns: Inferred) -> Option<[Suspicion; 2]> {
+    (turns.value < -NEGATIVE_SIGMAS * turns.sigma).then(|| {
+        let evidence = format!(
+            "the motion needs {:.1} ± {:.1} times the torque of a phase current",
+            turns.value, turns.sigma
+        );
+        [Suspect::CurrentSign, Suspect::PhaseOrder].map(|suspect| Suspicion {
+            suspect,
+            sentence: format!("{suspect}: {evidence}"),
+        })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn turns_less_than_none_are_a_reversed_current_and_no_short() {
+        let of = |value, sigma| of_least_turns(Inferred { value, sigma });
+        assert_eq!(of(0.0, 0.05), None);
+        assert_eq!(of(-0.3, 0.1), None);
+        let [sign, order] = of(-1.0, 0.2).expect("less than none");
+        assert_eq!(
+            (sign.suspect, order.suspect),
+            (Suspect::CurrentSign, Suspect::PhaseOrder)
+        );
+        assert!(
+            sign.sentence.starts_with("current sign: the motion needs -1.0 ± 0.2"),
+            "{}",
+            sign.sentence
+        );
     }
 }

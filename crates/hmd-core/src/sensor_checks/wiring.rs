@@ -110,7 +110,7 @@ pub(super) struct FarZero {
 }
 
 /// Zero from which on the linear equations of `currents` do not hold, rad electrical: 30°.
-const FAR: f64 = 0.52;
+pub(super) const FAR: f64 = 0.52;
 
 /// Standard deviations of the gain by the torque balance that tell the half turns apart.
 const GAIN_SIGMAS: f64 = 5.0;

@@ -68,3 +68,19 @@ fn a_scale_of_output_angle_and_set_point_is_no_controller_gain() {
         assert!(!lines.contains("\"suspects\":[]"), "{scale}: {lines}");
     }
 }
+
+/// Where the output lies in its play when the record begins is not known.
+#[test]
+fn a_start_in_motion_is_no_other_ratio() {
+    let folder = Folder::new();
+    folder.done("simulate --rate 400 --noise 0.03 --windows 3 --fault backlash=0.25 --seed 32 -o whole.log");
+    let whole = String::from_utf8(folder.read("whole.log")).expect("text");
+    for lines in [640, 660, 680, 700, 720] {
+        folder.write_lines("cut.log", whole.lines().skip(lines - 1));
+        let lines = folder.done("replay cut.log --json");
+        assert!(
+            !lines.contains("gear ratio") && !lines.contains("encoder counts"),
+            "{lines}"
+        );
+    }
+}

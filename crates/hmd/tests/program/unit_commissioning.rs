@@ -63,6 +63,30 @@ fn a_unit_with_a_vector_drive_is_commissioned_by_its_relations() {
     assert!(ended.stderr.contains(expected), "{}", ended.stderr);
 }
 
+/// In motion one way a load passes for friction: only the reading of the load tells them apart.
+#[test]
+fn a_unit_that_was_commissioned_by_steps_hides_no_friction_and_accuses_no_load_sensor() {
+    let folder = Folder::new();
+    folder.write("hmd.toml", "[[actuator]]\nid = 0\ncalibration = \"unit.toml\"\n");
+    folder.done("simulate --noise 0.03 --profile step --windows 10 --seed 9 -o healthy.log");
+    folder.done("calibrate healthy.log -o unit.toml");
+    for faults in ["--fault friction=0.2", "--fault friction=0.09 --fault backlash=0.06"] {
+        folder.done(&format!(
+            "simulate --noise 0.03 --profile step --windows 4 --seed 45 {faults} -o worn.log"
+        ));
+        let lines = folder.done("replay worn.log -c hmd.toml --json");
+        let truth = if faults.contains("0.2") { 0.2 } else { 0.09 };
+        for line in lines.lines() {
+            let line: serde_json::Value = serde_json::from_str(line).expect("JSON");
+            assert!(line["status"] != "invalid" && line["suspects"].is_null(), "{line}");
+            if let Some(sigma) = line["sigma"][0].as_f64() {
+                let found = line["k"][0].as_f64().expect("a number");
+                assert!((found - truth).abs() < 4.0 * sigma, "{line}");
+            }
+        }
+    }
+}
+
 /// The magnets lose a tenth of a percent of their torque for each kelvin, and gain it in the cold.
 #[test]
 fn warmth_is_no_short_and_cold_hides_none() {

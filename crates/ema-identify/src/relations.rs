@@ -33,6 +33,7 @@ mod current_noise;
 #[cfg(feature = "std")]
 mod curves;
 mod elements;
+mod flanks;
 mod gear_loss;
 mod hidden_torque;
 mod jackknife;

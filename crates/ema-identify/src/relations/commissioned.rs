@@ -8,6 +8,7 @@ use super::between_samples::coarse_torque_error;
 use super::change::{ModelError, change, healthy, needed_for};
 use super::controller::{LawKnowledge, gain_ratio};
 use super::elements::{ELEMENT_COUNT, Element, ElementReadings, Needed, Reading};
+use super::flanks::Flanks;
 use super::gear_loss::Directions;
 use super::hidden_torque::unseen_share;
 use super::measured::MeasuredWindow;
@@ -205,13 +206,22 @@ impl CommissionedRelations {
         } else {
             self.balance.hidden_asymmetry()
         };
+        let error_of = |element: Element| {
+            let error = ModelError::of(element, window.params().sensors.sample_rate, unseen, asymmetry);
+            if element == Element::Backlash {
+                let share = libm::hypot(error.share, balance.play_share);
+                ModelError { share, ..error }
+            } else {
+                error
+            }
+        };
         let changes = Element::ALL.map(|element| {
             let baseline = &self.baseline[element as usize];
             let reading = readings
                 .get(element)
                 .and_then(|reading| baseline.widened(reading, same_motion))?;
             let changed = change(element, reading, baseline.mean, window.params());
-            let error = ModelError::of(element, window.params().sensors.sample_rate, unseen, asymmetry);
+            let error = error_of(element);
             let sigma = libm::hypot(changed.sigma, error.floor);
             // A sum that is not a number is no observation. The share does not count: it hides no large damage.
             let of_damage = damage_per_change(element.fault().parameter()) * sigma;
@@ -223,7 +233,7 @@ impl CommissionedRelations {
                     needed_for(element)
                 });
             }
-            if element == Element::Backlash && changed.value < CLEAR * sigma && self.may_hold(&balance.load, window) {
+            if element == Element::Backlash && changed.value < CLEAR * sigma && !balance.flanks.are_shown() {
                 return Err(Needed::Reversal);
             }
             let share = error.share * (changed.value - healthy(element));
@@ -239,10 +249,7 @@ impl CommissionedRelations {
         });
         let mut changes = changes;
         let share = Element::ALL.map(|element| {
-            let of = |changed: Reading| {
-                let error = ModelError::of(element, window.params().sensors.sample_rate, unseen, asymmetry);
-                error.share * libm::fabs(changed.value - healthy(element))
-            };
+            let of = |changed: Reading| error_of(element).share * libm::fabs(changed.value - healthy(element));
             changes[element as usize].map_or(0.0, of)
         });
         let mut bridge_spread = [0.0; FAULT_COUNT];
@@ -250,7 +257,7 @@ impl CommissionedRelations {
             let element = Element::BALANCE[phase];
             let share = ShortedShare::of(admittance.value, window.motor().r_s);
             bridge_spread[element.fault().parameter()] = share.deviation;
-            let error = ModelError::of(element, window.params().sensors.sample_rate, unseen, asymmetry);
+            let error = error_of(element);
             let own = libm::hypot(share.slope * admittance.sigma, error.floor);
             changes[element as usize] = Ok(Reading {
                 value: share.mean,
@@ -266,15 +273,29 @@ impl CommissionedRelations {
             self.residual[relation as usize].share_of_limit(balance.residuals[relation as usize], besides(relation))
         });
         let torque_share = &mut residual_share[Relation::TorqueBalance as usize];
-        let is_wide = changes[Element::Backlash as usize].is_ok_and(|change| change.value > CLEAR * change.sigma);
-        let leaves_more = self.residual[Relation::TorqueBalance as usize]
-            .relative(balance.residuals[Relation::TorqueBalance as usize])
-            > PLAY_RESIDUAL;
-        let play_explains = is_wide && leaves_more && self.reach_share().is_some();
+        let is_wider = |sigmas: f64| {
+            let play = changes[Element::Backlash as usize];
+            play.is_ok_and(|change| change.value > sigmas * change.sigma)
+        };
+        let (is_wide, may_be_wide) = (is_wider(CLEAR), is_wider(1.0));
+        let more = self.residual[Relation::TorqueBalance as usize]
+            .relative(balance.residuals[Relation::TorqueBalance as usize]);
+        let leaves_more = more > PLAY_RESIDUAL;
+        let play_explains = is_wide && leaves_more && (balance.play_share > 0.0 || self.reach_share().is_some());
         if play_explains {
             *torque_share = 0.0;
             for element in Element::BALANCE {
                 changes[element as usize] = Err(Needed::NarrowPlay);
+            }
+        } else if may_be_wide && leaves_more {
+            // A gear that bends too little for the healthy windows to show it: its flanks hit each other in time with the motion, which no
+            // scatter shows.
+            for element in Element::BALANCE {
+                if bridge_spread[element.fault().parameter()] <= 0.0
+                    && let Ok(change) = &mut changes[element as usize]
+                {
+                    change.sigma *= more;
+                }
             }
         }
         let mut estimate = RelationsEstimate {
@@ -341,12 +362,6 @@ impl CommissionedRelations {
         let dry_friction = self.balance.of(Term::DryFriction);
         let sigma = &since.gear_loss_sigma;
         sigma.of_friction(beyond, Directions::Both, gear_ratio, dry_friction)
-    }
-
-    /// Whether a load may have held the output at one flank of its play.
-    fn may_hold<S: RecordedSample>(&self, load: &OutputLoad, window: &MeasuredWindow<'_, S>) -> bool {
-        let gear_ratio = window.params().transmission.gear_ratio;
-        load.holds_one_flank(&window.travel(), self.balance.of(Term::DryFriction), gear_ratio)
     }
 }
 
@@ -457,21 +472,30 @@ impl CommissionedRelations {
         let friction = self.balance.of(Term::DryFriction) / self.balance.of(Term::Inertia);
         let deceleration = libm::fabs(friction) / window.params().transmission.gear_ratio;
         let transmission = &self.residual[Relation::Transmission as usize];
-        let play = play_width(window, transmission, deceleration, self.reach_share());
-        readings.put(Element::Backlash, play.map(|(width, _)| width));
-        readings.put(Element::Gain, gain.map(|(gain, _)| gain));
+        let holding = 0.5 * libm::fabs(self.balance.of(Term::DryFriction)) * window.params().transmission.gear_ratio;
+        let flanks = Flanks::of(window, &load, holding);
         let torque = Residual {
             rms: residual_rms,
             independent,
         };
-        let of =
-            |found: Result<(Reading, Residual), Needed>| found.map_or(Residual::default(), |(_, residual)| residual);
+        let is_hit = self.residual[Relation::TorqueBalance as usize].relative(torque) > PLAY_RESIDUAL;
+        let of_held = (flanks.may_be_held() && is_hit).then_some(REACH_SHARE_BENDING);
+        let reach_share = self.reach_share().or(of_held);
+        let play = play_width(window, transmission, deceleration, reach_share, is_hit, &flanks);
+        readings.put(Element::Backlash, play.map(|play| play.width));
+        readings.put(Element::Gain, gain.map(|(gain, _)| gain));
         (
             readings,
             Balance {
                 load,
                 load_sigma,
-                residuals: [torque, of(gain), of(play)],
+                residuals: [
+                    torque,
+                    gain.map_or(Residual::default(), |(_, residual)| residual),
+                    play.map_or(Residual::default(), |play| play.residual),
+                ],
+                flanks,
+                play_share: play.map_or(0.0, |play| play.reach_share),
                 rows,
                 shorted,
             },
@@ -486,6 +510,10 @@ pub(super) struct Balance {
     pub(super) load_sigma: Option<f64>,
     /// Residual of each relation, in the order of [`Relation::ALL`].
     pub(super) residuals: [Residual; RELATION_COUNT],
+    /// Flanks of the play that the load leaves to the motion.
+    flanks: Flanks,
+    /// Standard deviation of a play that is the reach of the output as a share of it; else 0.
+    play_share: f64,
     rows: usize,
     /// Phase and admittance of a shorted loop, 1/Ω.
     shorted: Option<(usize, Reading)>,

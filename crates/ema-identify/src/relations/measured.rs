@@ -210,7 +210,7 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
             theta_m: (now.motor_counts - first.motor_counts) as f64 * motor_lsb,
             angle_in_turn,
             omega_m: turned as f64 * motor_lsb * rate / 6.0,
-            travel: (now.output_counts - first.output_counts) as f64 * sensors.output_lsb(),
+            travel: self.travelled(n),
             reference_step: 0.5
                 * (self.reference_step(two_before.setpoint, before.setpoint)
                     + self.reference_step(before.setpoint, now.setpoint)),
@@ -255,6 +255,11 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
         let sensors = &self.params.sensors;
         let turned = self.sensed(n + 1).motor_counts - self.sensed(n - 1).motor_counts;
         0.5 * turned as f64 * sensors.motor_lsb() * sensors.sample_rate
+    }
+
+    /// Output angle since the first sample, rad.
+    pub(super) fn travelled(&self, n: usize) -> f64 {
+        (self.sensed(n).output_counts - self.sensed(0).output_counts) as f64 * self.params.sensors.output_lsb()
     }
 
     /// Output angle less the motor angle at the output, both since the first sample, rad.

@@ -36,21 +36,18 @@ impl OutputLoad {
         close(self.constant, other.constant) && close(self.spring, other.spring)
     }
 
-    /// Whether the load pushes the output against one flank of the play wherever it is in a window, against half of the dry friction, Nm
-    /// at the motor, on the output's side of the play. Such an output may follow the motor through every reversal, however wide the play
-    /// is. Derived here.
+    /// The load at an output angle since the first sample, rad, in Nm; positive opposes positive motion.
     #[must_use]
-    pub(super) fn holds_one_flank(&self, travel: &Range<f64>, dry_friction: f64, gear_ratio: f64) -> bool {
-        let [one, other] = [travel.start, travel.end].map(|travel| self.constant + self.spring * travel);
-        one * other > 0.0 && libm::fabs(one).min(libm::fabs(other)) > 0.5 * dry_friction * gear_ratio
+    pub(super) fn at(&self, travel: f64) -> f64 {
+        self.constant + self.spring * travel
     }
 
     /// Mean magnitude of the load over a range of travel, Nm.
     #[must_use]
     pub(super) fn mean_magnitude(&self, travel: &Range<f64>) -> f64 {
-        let [one, other] = [travel.start, travel.end].map(|travel| libm::fabs(self.constant + self.spring * travel));
-        let crosses = (self.constant + self.spring * travel.start) * (self.constant + self.spring * travel.end) < 0.0;
-        if crosses {
+        let (at_start, at_end) = (self.at(travel.start), self.at(travel.end));
+        let [one, other] = [at_start, at_end].map(libm::fabs);
+        if at_start * at_end < 0.0 {
             0.5 * (one * one + other * other) / (one + other)
         } else {
             0.5 * (one + other)
@@ -106,12 +103,5 @@ mod tests {
                 "{constant}, {spring}"
             );
         }
-    }
-
-    #[test]
-    fn a_load_of_one_sign_beyond_friction_holds_the_output() {
-        let holds = |constant, spring| OutputLoad { constant, spring }.holds_one_flank(&(-0.1..0.2), 0.15, 100.0);
-        assert!(holds(20.0, 0.0) && holds(-20.0, 0.0) && holds(20.0, 50.0));
-        assert!(!holds(5.0, 0.0) && !holds(0.0, 500.0) && !holds(20.0, -100.0));
     }
 }

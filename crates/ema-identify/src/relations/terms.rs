@@ -176,7 +176,7 @@ impl WindowState {
 }
 
 /// Smallest speed under the kernel, rad/s: below, friction is no function of the measured speed.
-const MOVING: f64 = 3.0;
+pub(super) const MOVING: f64 = 3.0;
 
 /// Rows of a window, one per inner sample; `None` between the kernel's strides, and unless the motor turns in one direction under the kernel that ends there, at
 /// 3 rad/s or more, and all of it was measured. A shorted loop takes the place of the turns of its phase.

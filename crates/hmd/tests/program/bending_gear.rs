@@ -64,3 +64,36 @@ fn a_spring_load_since_commissioning_is_no_worn_friction() {
     let worn = replayed(&folder, "--windows 2 --seed 901 --fault friction=0.2");
     assert_eq!(worn.matches("\"faults\":[\"friction\"]").count(), 2, "{worn}");
 }
+
+/// A spring load that nobody measures, behind a gear too stiff to show that it bends: it holds the output at one flank where the first
+/// window turns back, and leaves it to the motion where the second one does.
+#[test]
+fn a_play_that_a_spring_load_closes_is_not_seen_and_no_healthy_one() {
+    const SPRING: &str = "drive = \"vector\"\nspring_nm_per_rad = 300\nsetpoint_rate_rad_s = 2\nload_inertia_share = 0.2\ncompliance_hz = 300\n";
+    let folder = Folder::new();
+    let actuator = "[[actuator]]\nid = 0\ntype = \"bench\"\n[type.bench.drive]\nkind = \"vector\"\n";
+    folder.write("new.toml", actuator);
+    folder.write(
+        "known.toml",
+        actuator.replace("\n[type", "\ncalibration = \"unit.toml\"\n[type"),
+    );
+    folder.write("effects.toml", SPRING);
+    let simulated = |line: &str| {
+        folder.done(&format!(
+            "simulate --actuator bench --effects effects.toml --noise 0.03 {line}"
+        ));
+    };
+    simulated("--windows 10 --seed 11 -o healthy.log");
+    folder.done("calibrate healthy.log -c new.toml -o unit.toml");
+    for damage in [0.0, 0.1, 0.2] {
+        simulated(&format!("--windows 2 --seed 5 --fault backlash={damage} -o later.log"));
+        let lines = folder.done("replay later.log -c known.toml --json");
+        let [first, second]: [&str; 2] = lines.lines().collect::<Vec<_>>().try_into().expect("two windows");
+        assert!(first.contains("backlash (needs a reversal"), "{damage}: {first}");
+        assert_eq!(
+            second.contains("\"faults\":[\"backlash\"]"),
+            damage > 0.0,
+            "{damage}: {second}"
+        );
+    }
+}

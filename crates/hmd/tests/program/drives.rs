@@ -253,7 +253,7 @@ fn what_a_bus_never_says_is_said() {
         // Get_Iq; Set_Input_Pos.
         (
             " 034#",
-            "joint: not monitored: expected Get_Iq.Iq_Measured in each sample, found none",
+            "joint: not monitored: expected Get_Iq.Iq_Measured (identifier 034) in each sample, found none\n",
         ),
         (
             " 02C#",
@@ -263,6 +263,47 @@ fn what_a_bus_never_says_is_said() {
         folder.write_lines("cut.log", log.lines().filter(|line| !line.contains(frames)));
         let ended = folder.hmd("replay cut.log -c hmd.toml");
         assert!(ended.stderr.contains(said), "{}", ended.stderr);
+    }
+}
+
+#[test]
+fn identifiers_that_came_instead_are_named() {
+    let (actuator, rate_hz) = ("servo270", 400);
+    for (preset, encoder, keys, said) in [
+        (
+            "odrive",
+            true,
+            "output_encoder = 491",
+            "joint: not monitored: expected TxSdo.Value (identifier 025, number 491) in each sample, found none, but identifiers that \
+             are not read: 024; 025, number 490\n",
+        ),
+        (
+            "damiao",
+            false,
+            "rated_current_a = 10\nposition_max_rad = 1",
+            "joint: not monitored: expected POS (identifier 000, number 1), T (identifier 000, number 1) in each sample, found none, \
+             but identifiers that are not read: 011\n",
+        ),
+    ] {
+        let folder = Folder::new();
+        let bus = Bus {
+            actuator,
+            preset,
+            encoder,
+            rate_hz,
+            keys,
+        };
+        bus.configure(&folder, "hmd", "");
+        bus.simulate(&folder, "--windows 1 --seed 4", "joint.log");
+        for command in [
+            "replay joint.log -c hmd.toml",
+            "calibrate joint.log -c hmd.toml -o unit.toml",
+        ] {
+            let ended = folder.hmd(command);
+            assert_eq!(ended.code, 1, "{command}");
+            assert!(ended.stderr.contains(said), "{command}: {}", ended.stderr);
+            assert!(!ended.stderr.contains("0 frames with"), "{command}: {}", ended.stderr);
+        }
     }
 }
 

@@ -307,6 +307,32 @@ fn identifiers_that_came_instead_are_named() {
     }
 }
 
+/// A weak controller still creeps to its target when the next actuation begins.
+#[test]
+fn motion_that_begins_no_window_is_counted() {
+    let folder = Folder::new();
+    let kind = "[type.bench]\ndrive.kind = \"vector\"\nsensors.sample_rate_hz = 1000\n";
+    let drive = "[actuator.drive]\npreset = \"moteus\"\noutput_encoder = 1\nset_point = false\n";
+    folder.write("type.toml", kind);
+    folder.write(
+        "hmd.toml",
+        format!("{kind}[[actuator]]\nid = 1\ntype = \"bench\"\n{drive}"),
+    );
+    folder.done(
+        "simulate -c type.toml --rate 1000 --windows 5 --seed 5 --with inertia_deviation=0.04 --with dynamic_friction_deviation=0.15 \
+         --with play_deviation=0.3 --fault gain=0.8 --preset moteus --output-encoder --id 1 -o weak.log",
+    );
+    let ended = folder.hmd("replay weak.log -c hmd.toml --json");
+    let windows = count(&ended.stdout, "\"window\":");
+    let said =
+        "2 motions without a window: without set point one begins where the motor stood for 10 ms, and it crept before";
+    assert!(
+        windows == 3 && ended.stderr.contains(said),
+        "{windows}: {}",
+        ended.stderr
+    );
+}
+
 #[test]
 fn what_is_wrong_with_a_drive_is_said() {
     let folder = Folder::new();

@@ -91,9 +91,10 @@ impl DriveMessage {
 
 impl fmt::Display for Identifier {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.is_extended {
-            true => write!(f, "{:08X}", self.id)?,
-            false => write!(f, "{:03X}", self.id)?,
+        if self.is_extended {
+            write!(f, "{:08X}", self.id)?;
+        } else {
+            write!(f, "{:03X}", self.id)?;
         }
         self.number.map_or(Ok(()), |number| write!(f, ", number {number}"))
     }

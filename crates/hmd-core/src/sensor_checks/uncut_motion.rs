@@ -135,7 +135,7 @@ impl UncutMotions {
 
     fn why(&self) -> String {
         let half = self.rest_ms / 2.0;
-        format!("without set point one begins where the motor stood for {half} ms, and it crept before")
+        format!("without set point one begins where the motor stood for {half} ms, and it did not")
     }
 
     fn rad(&self, from: i64, to: i64) -> f64 {
@@ -179,7 +179,7 @@ mod tests {
         let one = said(|seq| creeps_and_moves(seq, 500), 2.0, None);
         assert_eq!(one.len(), 1, "{one:?}");
         assert!(
-            one[0].starts_with("no window, while the output turned by 0.2") && one[0].ends_with("it crept before"),
+            one[0].starts_with("no window, while the output turned by 0.2") && one[0].ends_with("and it did not"),
             "{one:?}"
         );
         let two = said(

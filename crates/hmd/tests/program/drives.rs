@@ -325,7 +325,7 @@ fn motion_that_begins_no_window_is_counted() {
     let ended = folder.hmd("replay weak.log -c hmd.toml --json");
     let windows = count(&ended.stdout, "\"window\":");
     let said =
-        "2 motions without a window: without set point one begins where the motor stood for 10 ms, and it crept before";
+        "2 motions without a window: without set point one begins where the motor stood for 10 ms, and it did not";
     assert!(
         windows == 3 && ended.stderr.contains(said),
         "{windows}: {}",

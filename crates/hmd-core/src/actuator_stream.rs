@@ -29,6 +29,7 @@ use crate::history::RunEnd;
 use crate::log_map::{LogMap, Quantity};
 use crate::outbox::{AssembledSample, Notice, Outbox, WindowJob};
 use crate::sample::{MeasuredConditions, SampleRate};
+use crate::sensor_checks::UncutMotions;
 use crate::window::{TimedSample, Window, WindowConfig, Windower};
 use numbering::Numbering;
 use rate::{RateState, Settled};
@@ -337,6 +338,11 @@ impl ActuatorStream {
                     ready.unseen.end();
                     outbox.push_window(ready.job(&self.actuator, window, conditions));
                 }
+                let is_in_window = ready.windower.is_open();
+                let uncut = ready.uncut.as_mut();
+                if let Some(sentence) = uncut.and_then(|uncut| uncut.push(sample.seq, &sample.sensed, is_in_window)) {
+                    outbox.push_notice(sample.stamp_ns, format!("{}: {sentence}", self.actuator.name));
+                }
             }
         }
     }
@@ -354,6 +360,10 @@ impl ActuatorStream {
                 (ready.unseen.finish(), self.last, ready.motor_counts)
             {
                 outbox.push_notice(last.stamp_ns, unseen_notice(&self.actuator, &sentence));
+            }
+            let uncut = ready.uncut.as_mut().and_then(UncutMotions::finish);
+            if let (Some(sentence), Some((last, _))) = (uncut, self.last) {
+                outbox.push_notice(last.stamp_ns, format!("{}: {sentence}", self.actuator.name));
             }
         }
     }

@@ -276,9 +276,9 @@ impl Demux {
     /// interface depends on the source: in its order, a live run and a replay would differ.)
     pub fn finish(&mut self) {
         let waiting = self.drives.values().flatten().filter_map(|(_, joiner)| {
-            let lacking = joiner.lacking()?;
+            let (expected, found) = joiner.lacking()?;
             let name = joiner.name();
-            Some(format!("{name}: not monitored: expected {lacking}, found none"))
+            Some(format!("{name}: not monitored: expected {expected}, found {found}"))
         });
         let mut waiting: Vec<String> = waiting.collect();
         waiting.sort_unstable();

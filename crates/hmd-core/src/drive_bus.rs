@@ -19,6 +19,7 @@ mod node;
 mod odrive;
 mod pdo;
 mod sdo;
+mod unread;
 mod vesc;
 
 pub use eds::{EDS_BYTES_MAX, EdsError, ObjectDictionary};

@@ -9,6 +9,7 @@ mod rotor_frame;
 mod rows;
 
 pub use gap::Gap;
+pub use guess::{Doubt, Guess};
 pub use rotor_frame::RotorFrame;
 pub use rows::{Decoded, RowDecoder, RowFault};
 

@@ -14,6 +14,7 @@
 //! | `angles` | output against motor and set point: gear ratio, encoder, unit and delay of the set point |
 //! | `setpoint_time` | law of the speed loop: set point before or after its effect |
 //! | `gear_ratio` | line between the two angles: gear ratio to parts in a thousand |
+//! | `uncut_motion` | motion that begins no window where nothing is commanded: a creep before it |
 //! | `unseen_motion` | motion that no window has: unit of the set point, mode |
 //! | `readings` | offsets, gains, latency, resolver errors and link voltage of every window, for their drift (`sensor_health`) |
 //!
@@ -36,6 +37,7 @@ mod setpoint_time;
 mod signals;
 mod suspect;
 mod torque;
+mod uncut_motion;
 mod unseen_motion;
 mod wiring;
 
@@ -46,4 +48,5 @@ pub use findings::{Finding, examine};
 pub use readings::{Reading, SensorReadings, sensor_readings};
 pub use setpoint_time::setpoint_time;
 pub use suspect::{Suspect, Suspicion};
+pub use uncut_motion::UncutMotions;
 pub use unseen_motion::UnseenMotion;

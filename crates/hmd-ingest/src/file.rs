@@ -15,13 +15,14 @@ pub use error::IngestError;
 #[cfg(feature = "signals")]
 pub use {
     measured::open_signals,
-    survey::{SurveyedSignal, survey},
+    survey::{Survey, SurveyedSignal, survey},
 };
 
 use crate::Loss;
 use crate::asc::{AscReader, is_asc};
 use crate::blf::{self, BlfReader};
 use crate::candump::CandumpReader;
+use crate::foreign::unread_format;
 use crate::mdf::{self, MdfReader};
 use hmd_core::config::Config;
 use hmd_core::frame::{BusNames, RawFrame};
@@ -280,6 +281,10 @@ fn open_for(path: &Path, names: BusNames, config: Option<&Config>) -> Result<Fra
             return Err(IngestError::Compressed { file, format });
         }
     }
+    let text = start.strip_prefix(BYTE_ORDER_MARK).unwrap_or(start);
+    if let Some(format) = unread_format(text) {
+        return Err(IngestError::Foreign { file, format });
+    }
     let reader: Box<dyn LogReader> = if let Some(format) = measured::format(start) {
         if !about.is_file() && format.is_sought() {
             return Err(IngestError::NotSeekable { file });
@@ -306,7 +311,7 @@ fn open_for(path: &Path, names: BusNames, config: Option<&Config>) -> Result<Fra
                 found: quoted(start),
             });
         }
-        let is_asc = is_asc(start.strip_prefix(BYTE_ORDER_MARK).unwrap_or(start));
+        let is_asc = is_asc(text);
         if start.starts_with(BYTE_ORDER_MARK) {
             input.consume(BYTE_ORDER_MARK.len());
         }
@@ -421,6 +426,21 @@ mod tests {
                 "no valid line in 2; the first: F:1: expected a stamp \"(seconds.fraction)\" with 6 or 9 decimals, found \"hello\"",
             ),
             ("a.log", b"\n\n", "no valid line in 2"),
+            (
+                "a.trc",
+                b";$FILEVERSION=2.1\n;$STARTTIME=45244.9\n;$COLUMNS=N,O,T,B,I,d,R,L,D\n;\n",
+                "a trace of PEAK (.trc); convert it to BLF, as python-can's can_logconvert does",
+            ),
+            (
+                "b.trc",
+                b";##########\n;   a.trc\n;\n",
+                "a trace of PEAK (.trc); convert it to BLF, as python-can's can_logconvert does",
+            ),
+            (
+                "a.csv",
+                b"timestamp,arbitration_id,extended,remote,error,dlc,data\n1.0,0x100,0,0,0,1,AA==\n",
+                "a table of frames by python-can; convert it to BLF, as python-can's can_logconvert does",
+            ),
         ] {
             assert_eq!(
                 refused(name, content),

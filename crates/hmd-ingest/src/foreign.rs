@@ -5,6 +5,18 @@ use hmd_core::frame::{BusError, BusNames, FrameError, FrameFlags, RawFrame};
 /// What an error frame becomes, for messages.
 pub(crate) const BUS_ERROR: &str = "an error frame";
 
+/// What a text that begins so is called, if it has frames in a format that is not read: it may look like a table.
+pub(crate) fn unread_format(start: &[u8]) -> Option<&'static str> {
+    const PEAK: [&[u8]; 2] = [b";$FILEVERSION", b";##"];
+    const PYTHON_CAN: &[u8] = b"timestamp,arbitration_id,";
+    if PEAK.iter().any(|first| start.starts_with(first)) {
+        return Some("a trace of PEAK (.trc)");
+    }
+    start
+        .starts_with(PYTHON_CAN)
+        .then_some("a table of frames by python-can")
+}
+
 /// Class of an error frame whose log names none: an error on the bus (`CAN_ERR_BUSERROR` of Linux).
 const BUS_ERROR_CLASS: u32 = 0x80;
 

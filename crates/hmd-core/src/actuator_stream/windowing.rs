@@ -10,7 +10,7 @@ use crate::history::RunEnd;
 use crate::log_map::Quantity;
 use crate::outbox::{Outbox, WindowJob};
 use crate::sample::{MeasuredConditions, SampleRate};
-use crate::sensor_checks::UnseenMotion;
+use crate::sensor_checks::{UncutMotions, UnseenMotion};
 use crate::window::{Window, WindowConfig, Windower};
 
 /// Made with the first sample whose rate is known.
@@ -28,6 +28,8 @@ pub(super) struct ReadyWindowing {
     params: ActuatorParams,
     pub(super) windower: Windower,
     pub(super) unseen: UnseenMotion,
+    /// Where there is no set point.
+    pub(super) uncut: Option<UncutMotions>,
     /// Samples with a mode other than idle; without set point those in motion.
     operating: u64,
     /// Time of operation before, s.
@@ -83,6 +85,10 @@ impl Windowing {
                 .map(|windower| {
                     Self::Ready(Box::new(ReadyWindowing {
                         unseen: UnseenMotion::new(&params, window_config.trigger_position_rad),
+                        uncut: (!actuator.has_set_point()).then(|| {
+                            let config = &window_config;
+                            UncutMotions::new(&params, config.trigger_position_rad, config.rest_ms)
+                        }),
                         motor_counts: (!actuator.has_set_point()).then_some(i64::MIN),
                         params,
                         windower: if rate.is_measured {

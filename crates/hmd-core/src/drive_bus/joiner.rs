@@ -14,6 +14,7 @@ use ema_wire::ActuatorId;
 use super::layout::{Coding, DriveLayout, DriveMessage, MODE, Place, TIME, Target};
 use super::moteus::{self, Registers};
 use super::sdo::SdoListener;
+use super::unread::Unread;
 use super::{DriveBus, DriveMisfit, Preset, vesc};
 use crate::dbc::{DecodedUpdate, Role, Selector, Unit};
 use crate::frame::RawFrame;
@@ -33,6 +34,8 @@ pub struct DriveJoiner {
     /// Whether objects were written that the layout does not know yet.
     is_rewritten: bool,
     rows: Option<Rows>,
+    /// What came, until there is a sample.
+    unread: Unread,
 }
 
 /// The row that is being collected.
@@ -48,6 +51,8 @@ struct Rows {
     /// Columns that any frame had, a bit each; and whether a row was ever whole.
     heard: u64,
     was_whole: bool,
+    /// Whether any frame to or from the drive came.
+    was_addressed: bool,
     since_ns: u64,
     /// The command heard last; 0: none yet.
     commanded: i64,
@@ -71,6 +76,7 @@ impl DriveJoiner {
             sdo,
             is_rewritten: false,
             rows,
+            unread: Unread::default(),
         }
     }
 
@@ -102,31 +108,33 @@ impl DriveJoiner {
         self.bus.map()
     }
 
-    /// Why no sample ever came, where frames did; displays as what is expected.
+    /// Why no sample ever came, where frames did: what is expected, and what was found.
     #[must_use]
-    pub fn lacking(&self) -> Option<String> {
+    pub fn lacking(&self) -> Option<(String, String)> {
         let rows = match (&self.rows, self.map()) {
             (Some(rows), _) => rows,
-            (None, Err(misfit)) => return Some(misfit.to_string()),
+            (None, Err(misfit)) => return Some((misfit.to_string(), "none".to_owned())),
             (None, Ok(_)) => return None,
         };
-        if rows.was_whole || rows.heard == 0 {
+        if rows.was_whole || !rows.was_addressed {
             return None;
         }
-        let columns = self.bus.layout().columns.iter().enumerate();
-        let missing = columns.filter(|(n, _)| rows.awaited & !rows.heard & 1 << n != 0);
-        let missing: Vec<&str> = missing.map(|(_, column)| column.signal.as_str()).collect();
+        let layout = self.bus.layout();
+        let missing = (0..layout.columns.len()).filter(|n| rows.awaited & !rows.heard & 1 << n != 0);
+        let missing: Vec<String> = missing.map(|n| layout.shown(n)).collect();
         Some(if missing.is_empty() {
             let ms = rows.span_ns as f64 / 1e6;
-            format!("the parts of a sample within {ms} ms, half a period of sample_rate_hz")
+            let expected = format!("the parts of a sample within {ms} ms, half a period of sample_rate_hz");
+            (expected, "none".to_owned())
         } else {
-            format!("{} in each sample", missing.join(", "))
+            (format!("{} in each sample", missing.join(", ")), self.unread.found())
         })
     }
 
     /// The frames that come are of another recording: no command and no condition holds, and nothing was heard. What its master wrote does.
     pub fn begin_recording(&mut self) {
         self.rows = Rows::new(self.actuator, &self.bus);
+        self.unread = Unread::default();
     }
 
     /// Takes a frame that is for all drives of a bus, a SYNC; whether it is one.
@@ -161,6 +169,9 @@ impl DriveJoiner {
             }
         }
         let (rows, layout) = (self.rows.as_mut()?, self.bus.layout());
+        if !rows.was_whole {
+            self.unread.hear(layout, frame);
+        }
         let mut states = 0;
         for message in &layout.messages {
             if message.is(frame) {
@@ -192,6 +203,7 @@ impl Rows {
             filled: 0,
             heard: 0,
             was_whole: false,
+            was_addressed: false,
             since_ns: 0,
             commanded: 0,
             next: None,
@@ -212,6 +224,7 @@ impl Rows {
             Coding::Bits { .. } => Registers::default(),
             Coding::Registers { written } => moteus::registers(data, written)?,
         };
+        self.was_addressed = true;
         self.begin_row_of(message, &registers, frame);
         for field in &message.fields {
             let value = value_at(&field.place, data, &registers);
@@ -320,9 +333,7 @@ fn initially(column: &Column) -> f64 {
 impl DriveMessage {
     fn is(&self, frame: &RawFrame) -> bool {
         let is_of_drive = |selector: &Selector| selector.selects(frame.data());
-        frame.id() & self.mask == self.id
-            && self.extended.is_none_or(|extended| extended == frame.is_extended())
-            && self.selector.as_ref().is_none_or(is_of_drive)
+        self.has_identifier_of(frame) && self.selector.as_ref().is_none_or(is_of_drive)
     }
 
     fn states(&self) -> usize {

@@ -1,212 +1,190 @@
 //! What a column may be, by its name and unit.
 
+mod names;
+
 use ema_models::ActuatorParams;
 
 use super::Quantity;
 use crate::dbc::Role;
+use names::{
+    ANGLE, BESIDE_WINDING, COMMANDED, COMMANDED_WORDS, DERIVED, DERIVED_WORDS, ELECTRICAL_ENDS, ELECTRICAL_STARTS,
+    ELECTRICAL_WORDS, MOTOR, MOTOR_WORDS, NAMES, OF_CURRENTS, OF_SECOND_CURRENTS, OUTPUT, RATHER_MOTOR, RATHER_OUTPUT,
+    SECOND, UNITS, WINDING,
+};
 
-/// Names that are a quantity, in lower case without signs between their letters.
-const NAMES: [(Quantity, &[&str]); 15] = [
-    (Quantity::Time, &["t", "time", "timestamp", "timestamps", "zeit"]),
-    (
-        Quantity::Counter,
-        &["seq", "counter", "samplecounter", "samplenumber", "cycle", "alive"],
-    ),
-    (
-        Quantity::Of(Role::Time),
-        &["clock", "timeus", "devicetime", "deviceclock"],
-    ),
-    (
-        Quantity::Of(Role::CurrentA),
-        &[
-            "ia",
-            "iu",
-            "i1",
-            "currenta",
-            "currentu",
-            "iphasea",
-            "phaseacurrent",
-            "currentphasea",
-        ],
-    ),
-    (
-        Quantity::Of(Role::CurrentB),
-        &[
-            "ib",
-            "iv",
-            "i2",
-            "currentb",
-            "currentv",
-            "iphaseb",
-            "phasebcurrent",
-            "currentphaseb",
-        ],
-    ),
-    (
-        Quantity::Of(Role::CurrentC),
-        &[
-            "ic",
-            "iw",
-            "i3",
-            "currentc",
-            "currentw",
-            "iphasec",
-            "phaseccurrent",
-            "currentphasec",
-        ],
-    ),
-    (
-        Quantity::CurrentD,
-        &["id", "idact", "idmeas", "currentd", "idmeasured", "idactual"],
-    ),
-    (
-        Quantity::CurrentQ,
-        &["iq", "iqact", "iqmeas", "currentq", "iqmeasured", "iqactual"],
-    ),
-    (Quantity::MODE, &["mode", "state", "controlmode", "drivestate"]),
-    (
-        Quantity::Of(Role::DcLink),
-        &["udc", "vdc", "vbus", "ubus", "dclink", "dclinkvoltage", "busvoltage"],
-    ),
-    (
-        Quantity::Of(Role::WindingTemp),
-        &[
-            "tw",
-            "windingtemp",
-            "windingtemperature",
-            "motortemp",
-            "motortemperature",
-            "tempmotor",
-        ],
-    ),
-    (
-        Quantity::Of(Role::LoadTorque),
-        &["mload", "tload", "load", "loadtorque", "torqueload"],
-    ),
-    (
-        Quantity::Of(Role::MotorPosition),
-        &[
-            "thetam",
-            "motorangle",
-            "motorposition",
-            "motorpos",
-            "motorcounts",
-            "rotorangle",
-            "resolver",
-        ],
-    ),
-    (
-        Quantity::Of(Role::OutputPosition),
-        &[
-            "thetao",
-            "thetaout",
-            "outputangle",
-            "outputposition",
-            "outputpos",
-            "outputcounts",
-            "encoder",
-        ],
-    ),
-    (
-        Quantity::Of(Role::CommandPosition),
-        &[
-            "phiset",
-            "thetaset",
-            "setpoint",
-            "positionsetpoint",
-            "commandposition",
-            "positioncommand",
-        ],
-    ),
-];
+/// What a column may be.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Guess {
+    /// The quantity.
+    pub quantity: Quantity,
+    /// Its unit by its name or an unusual text of the log, where the log has none that is known.
+    pub unit: Option<String>,
+    /// Of several columns of one quantity that with the least doubt is meant.
+    pub doubt: Doubt,
+}
 
-/// Parts of the names of what is commanded.
-const COMMANDED: [&str; 7] = ["set", "cmd", "command", "demand", "target", "ref", "soll"];
+/// What speaks against a guess, the least first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Doubt {
+    /// Nothing.
+    None,
+    /// A word in its name: filtered, estimated, of an encoder that may be of the motor or of the output.
+    Word,
+    /// A set point of the other side of the gear: it needs the gear ratio as its scale.
+    OtherSide,
+    /// An electrical angle of the motor: it needs 1 / pole pairs as its scale.
+    Electrical,
+}
 
-/// Parts of the names of angles of the motor and of the output.
-const MOTOR: [&str; 3] = ["motor", "rotor", "resolver"];
-const OUTPUT: [&str; 12] = [
-    "output", "shaft", "joint", "surface", "encoder", "load", "flap", "aileron", "elevator", "rudder", "spoiler",
-    "slat",
-];
-
-/// Parts of the names of angles, which need no unit to say so.
-const ANGLE: [&str; 7] = ["angle", "pos", "theta", "phi", "count", "enc", "resolver"];
-
-/// Words in the names of currents that do not say which.
-const OF_CURRENTS: [&str; 11] = [
-    "current", "phase", "ph", "motor", "stator", "meas", "measured", "act", "actual", "foc", "i",
-];
-
-/// Units that names end with in lower case, too.
-const UNITS: [&str; 9] = ["mA", "A", "mV", "V", "Nm", "degC", "rad/s", "counts", "Hz"];
+impl Doubt {
+    /// Whether it is the quantity only with a scale that the log does not tell.
+    #[must_use]
+    pub fn needs_scale(self) -> bool {
+        self >= Self::OtherSide
+    }
+}
 
 impl Quantity {
     /// What a column of this name and unit may be; where it has no unit, also by the one that its name ends with, as in `iq_A` and
     /// `speed_rad_s`, and that unit.
     #[must_use]
-    pub fn guess(name: &str, unit: Option<&str>) -> Option<(Self, Option<String>)> {
+    pub fn guess(name: &str, unit: Option<&str>) -> Option<Guess> {
         let by_ending = || {
             name.match_indices('_').find_map(|(at, _)| {
                 let ending = name[at + 1..].replace('_', "/");
                 let known = UNITS.iter().find(|unit| unit.eq_ignore_ascii_case(&ending));
-                let unit = known.map_or(ending.as_str(), |unit| *unit).to_owned();
-                Some((Self::guess_with(&name[..at], Some(&unit))?, Some(unit)))
+                let unit = known.map_or(ending.as_str(), |unit| *unit);
+                let guess = Self::guess_with(&name[..at], Some(unit))?;
+                let is_of_unit = !matches!(guess.quantity, Self::Counter | Self::MODE);
+                is_of_unit.then(|| guess.with_unit(unit))
             })
         };
         // A group before the signal says little.
         let alone = name.rsplit(['.', '/', ':']).next().filter(|alone| !alone.is_empty());
-        let plain = || {
-            let of_alone = || Self::guess_with(alone?, unit);
-            Some((Self::guess_with(name, unit).or_else(of_alone)?, None))
+        let plain = |unit| Self::guess_with(name, unit).or_else(|| Self::guess_with(alone?, unit));
+        let Some(unit) = unit else {
+            return by_ending().or_else(|| plain(None));
         };
-        if unit.is_some() {
-            plain()
-        } else {
-            by_ending().or_else(plain)
+        // As `deg el`.
+        let parts: Vec<&str> = unit.split([' ', '_']).collect();
+        match parts.as_slice() {
+            [unit, rest] if is_electrical(rest) => {
+                let guess = plain(Some(unit)).filter(|guess| guess.quantity == Self::Of(Role::MotorPosition))?;
+                let doubt = Doubt::Electrical;
+                Some(Guess {
+                    doubt,
+                    ..guess.with_unit(unit)
+                })
+            }
+            _ => plain(Some(unit)),
         }
     }
 
     /// What a column of this name and unit, if it has one, may be.
-    fn guess_with(name: &str, unit: Option<&str>) -> Option<Self> {
-        let plain: String = name
-            .chars()
-            .filter(|c| c.is_alphanumeric())
-            .flat_map(char::to_lowercase)
-            .collect();
+    fn guess_with(name: &str, unit: Option<&str>) -> Option<Guess> {
+        let words = words(name);
+        let plain = words.concat();
+        let has = |parts: &[&str]| parts.iter().any(|part| plain.contains(part));
+        let says = |known: &[&str]| words.iter().any(|word| known.contains(&word.as_str()));
+        if has(&DERIVED) || says(&DERIVED_WORDS) {
+            return None;
+        }
         let params = ActuatorParams::bench();
         let fits = |quantity: Self| unit.is_none_or(|unit| quantity.dimension(&params).unit(unit).is_some());
+        let of = |role: Role| Some(Self::Of(role)).filter(|quantity| fits(*quantity));
+        let is_second = says(&SECOND);
+        let guess = |quantity: Self, doubt: Doubt| {
+            let doubt = doubt.max(if is_second { Doubt::Word } else { Doubt::None });
+            let unit = None;
+            Some(Guess { quantity, unit, doubt })
+        };
+        let is_command = has(&COMMANDED) || says(&COMMANDED_WORDS);
+        let is_of_motor = has(&MOTOR) || says(&MOTOR_WORDS);
+        let is_out = words
+            .iter()
+            .any(|word| word.starts_with("out") || word.ends_with("out"));
+        let is_of_output = has(&OUTPUT) || is_out;
+        let is_perhaps_output = !is_of_motor && has(&RATHER_OUTPUT);
+        let is_perhaps_motor = !is_of_output && has(&RATHER_MOTOR);
+        let is_angle = has(&ANGLE);
+        if is_electrical(name) && !is_command && (is_angle || is_of_motor) {
+            let quantity = of(Role::MotorPosition)?;
+            return guess(quantity, Doubt::Electrical);
+        }
         let named = NAMES
             .into_iter()
             .find(|(quantity, names)| names.contains(&plain.as_str()) && fits(*quantity));
         if let Some((quantity, _)) = named {
-            return Some(quantity);
+            let is_motor_alone = quantity == Self::Of(Role::WindingTemp) && is_of_motor;
+            let is_weak = is_motor_alone || (is_perhaps_output && !is_of_output);
+            return guess(quantity, if is_weak { Doubt::Word } else { Doubt::None });
         }
-        if let Some(current) = current(name).filter(|quantity| fits(*quantity)) {
-            return Some(current);
+        if let Some(current) = current(&words).filter(|quantity| fits(*quantity)) {
+            return guess(current, Doubt::None);
         }
-        let has = |parts: &[&str]| parts.iter().any(|part| plain.contains(part));
         // A part of a name says something beside a unit, or a word for an angle, alone.
-        if unit.is_none() && !(has(&ANGLE) && (has(&MOTOR) || has(&OUTPUT)) && !has(&COMMANDED)) {
+        let is_named_angle =
+            is_angle && (is_of_motor || is_of_output || is_perhaps_output || is_perhaps_motor) && !is_command;
+        if unit.is_none() && !is_named_angle {
             return None;
         }
-        let of = |role: Role| Some(Self::Of(role)).filter(|quantity| fits(*quantity));
-        if has(&COMMANDED) {
-            of(Role::CommandPosition).or_else(|| of(Role::CommandSpeed))
-        } else if has(&MOTOR) {
-            of(Role::MotorPosition).or_else(|| of(Role::WindingTemp))
-        } else if has(&OUTPUT) {
-            of(Role::OutputPosition).or_else(|| of(Role::LoadTorque))
+        if is_command {
+            return match of(Role::CommandPosition) {
+                Some(position) if is_of_motor => guess(position, Doubt::OtherSide),
+                Some(position) => guess(position, Doubt::None),
+                None if is_of_output => guess(of(Role::CommandSpeed)?, Doubt::OtherSide),
+                None => guess(of(Role::CommandSpeed)?, Doubt::None),
+            };
+        }
+        if let Some(temperature) = of(Role::WindingTemp).filter(|_| unit.is_some()) {
+            let is_winding = has(&WINDING);
+            let is_one = (is_winding || is_of_motor) && !has(&BESIDE_WINDING);
+            let doubt = if is_winding { Doubt::None } else { Doubt::Word };
+            return is_one.then(|| guess(temperature, doubt))?;
+        }
+        if is_of_motor {
+            guess(of(Role::MotorPosition)?, Doubt::None)
+        } else if is_of_output {
+            guess(of(Role::OutputPosition).or_else(|| of(Role::LoadTorque))?, Doubt::None)
+        } else if is_perhaps_output {
+            guess(of(Role::OutputPosition)?, Doubt::Word)
+        } else if is_perhaps_motor {
+            guess(of(Role::MotorPosition)?, Doubt::Word)
         } else {
-            of(Role::DcLink).filter(|_| has(&["dc", "bus", "link"]))
+            guess(of(Role::DcLink).filter(|_| has(&["dc", "bus", "link"]))?, Doubt::None)
         }
     }
 }
 
-/// The current that a name of several words means, as in `Phase U current`: what is left of it without the usual words.
-fn current(name: &str) -> Option<Quantity> {
+impl Guess {
+    fn with_unit(self, unit: &str) -> Self {
+        let unit = Some(unit.to_owned());
+        Self { unit, ..self }
+    }
+}
+
+/// Whether a name says the electrical angle.
+fn is_electrical(name: &str) -> bool {
     let words = words(name);
-    let mut left = words.iter().filter(|word| !OF_CURRENTS.contains(&word.as_str()));
+    let plain = words.concat();
+    let is_angle = |word: &String| ANGLE.iter().any(|angle| word.contains(angle));
+    let angle_of_e = words
+        .windows(2)
+        .any(|two| (two[1] == "e" && is_angle(&two[0])) || (two[0] == "e" && is_angle(&two[1])));
+    angle_of_e
+        || ELECTRICAL_ENDS.iter().any(|end| plain.ends_with(end))
+        || words.iter().any(|word| {
+            ELECTRICAL_WORDS.contains(&word.as_str()) || ELECTRICAL_STARTS.iter().any(|start| word.starts_with(start))
+        })
+}
+
+/// The current that a name of several words means, as in `Phase U current`: what is left of it without the usual words.
+fn current(words: &[String]) -> Option<Quantity> {
+    let says_which = |word: &&String| {
+        let word = word.as_str();
+        !OF_CURRENTS.contains(&word) && !OF_SECOND_CURRENTS.contains(&word)
+    };
+    let mut left = words.iter().filter(says_which);
     let which = left.next().map_or("", String::as_str);
     let which = which.strip_prefix('i').filter(|rest| rest.len() == 1).unwrap_or(which);
     let is_current = words.len() > 1 && left.next().is_none();
@@ -242,66 +220,4 @@ fn words(name: &str) -> Vec<String> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn usual_names_are_recognised_and_units_decide() {
-        let guess = |name: &str, unit: &str| {
-            Quantity::guess(name, Some(unit).filter(|unit| !unit.is_empty())).map(|(quantity, _)| quantity)
-        };
-        assert_eq!(guess("I_A", "A"), Some(Quantity::Of(Role::CurrentA)));
-        assert_eq!(guess("i.u", ""), Some(Quantity::Of(Role::CurrentA)));
-        assert_eq!(guess("I_A", "V"), None);
-        assert_eq!(guess("Motor_Angle", "deg"), Some(Quantity::Of(Role::MotorPosition)));
-        assert_eq!(guess("motor_winding", "degC"), Some(Quantity::Of(Role::WindingTemp)));
-        assert_eq!(guess("SpeedDemand", "rpm"), Some(Quantity::Of(Role::CommandSpeed)));
-        assert_eq!(guess("elapsed", "ms"), None);
-        assert_eq!(guess("Iq_act", "A"), Some(Quantity::CurrentQ));
-    }
-
-    #[test]
-    fn names_of_several_words_and_groups_are_recognised() {
-        let guess = |name: &str, unit: &str| {
-            Quantity::guess(name, Some(unit).filter(|unit| !unit.is_empty())).map(|(quantity, _)| quantity)
-        };
-        let of = |role: Role| Some(Quantity::Of(role));
-        for (name, unit, expected) in [
-            ("Phase U current", "mA", of(Role::CurrentA)),
-            ("PhaseCurrentB", "A", of(Role::CurrentB)),
-            ("motor.i_w", "A", of(Role::CurrentC)),
-            ("FOC.Id", "A", Some(Quantity::CurrentD)),
-            ("FOC.Iq", "", Some(Quantity::CurrentQ)),
-            ("ia_ma", "", of(Role::CurrentA)),
-            ("LoadAngle", "deg", of(Role::OutputPosition)),
-            ("LoadTorque", "Nm", of(Role::LoadTorque)),
-            ("Flap_deg", "", of(Role::OutputPosition)),
-            ("enc_motor", "", of(Role::MotorPosition)),
-            ("motor_enable", "", None),
-            ("phase", "deg", None),
-            ("Flap_cmd_deg", "", of(Role::CommandPosition)),
-        ] {
-            assert_eq!(guess(name, unit), expected, "{name} [{unit}]");
-        }
-    }
-
-    #[test]
-    fn a_name_may_end_with_its_unit() {
-        let guess = |name: &str| Quantity::guess(name, None);
-        let with = |quantity, unit: &str| Some((quantity, Some(unit.to_owned())));
-        assert_eq!(guess("time_s"), with(Quantity::Time, "s"));
-        assert_eq!(guess("iq_A"), with(Quantity::CurrentQ, "A"));
-        assert_eq!(guess("i_d_mA"), with(Quantity::CurrentD, "mA"));
-        assert_eq!(guess("motor_angle_deg"), with(Quantity::Of(Role::MotorPosition), "deg"));
-        assert_eq!(
-            guess("speed_demand_rad_s"),
-            with(Quantity::Of(Role::CommandSpeed), "rad/s")
-        );
-        assert_eq!(
-            guess("I_A"),
-            Some((Quantity::Of(Role::CurrentA), None)),
-            "phase A, not ampere"
-        );
-        assert_eq!((guess("some_thing"), guess("_"), guess("é_°")), (None, None, None));
-    }
-}
+mod tests;

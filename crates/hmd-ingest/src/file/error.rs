@@ -69,6 +69,16 @@ pub enum IngestError {
         /// Name of the compression.
         format: &'static str,
     },
+    /// Frames in a format that is not read.
+    #[error(
+        "{file}: expected a log of a format that is known ({FORMATS}), found {format}; convert it to BLF, as python-can's can_logconvert does"
+    )]
+    Foreign {
+        /// The path.
+        file: String,
+        /// What the format is called.
+        format: &'static str,
+    },
     /// A log of another program without one frame.
     #[error("{file}: expected frames in this {format} file, found none{}", first.as_ref().map(|loss| format!("; {loss}")).unwrap_or_default())]
     NoForeignFrame {

@@ -12,6 +12,7 @@ use super::{Counted, IngestError, LogFormat, LogReader, START};
 use crate::Loss;
 use crate::asc::is_asc;
 use crate::blf;
+use crate::foreign::unread_format;
 use crate::mdf::{self, MdfSignals};
 use crate::signals::{CsvLog, MappedFrames, PARQUET_MAGIC, ParquetLog, SignalLog, Unusable};
 
@@ -94,6 +95,10 @@ fn signals_of(format: Format, input: BufReader<Counted>, file: &str) -> Result<B
     })
 }
 
+/// What a log of a bus has, and what makes samples of it.
+const FRAMES: &str =
+    "frames of a bus: [map] is not for them, but a DBC file (docs/dbc.md) or a drive's preset (docs/drives.md)";
+
 /// Opens a log of measured signals to look into it.
 ///
 /// # Errors
@@ -107,14 +112,24 @@ pub fn open_signals(path: &Path) -> Result<Box<dyn SignalLog>, IngestError> {
     let opened = File::open(path).map_err(unreadable)?;
     let position = Arc::default();
     let mut input = BufReader::with_capacity(START, Counted { file: opened, position });
-    let found = format(input.fill_buf().map_err(unreadable)?);
-    let log = match found {
-        Some(format) => signals_of(format, input, &file),
-        None => Err(Unusable::new(
-            "measured signals (CSV, Parquet, MF4)",
-            "another format; a bus is mapped by its DBC file",
-        )),
+    let start = input.fill_buf().map_err(unreadable)?;
+    let text = start.strip_prefix(super::BYTE_ORDER_MARK).unwrap_or(start);
+    if let Some(format) = unread_format(text) {
+        return Err(IngestError::Foreign { file, format });
+    }
+    let other = |found: &str| unusable(&file, Unusable::new("measured signals (CSV, Parquet, MF4)", found));
+    let Some(found) = format(start) else {
+        let is_frames =
+            start.starts_with(mcap::MAGIC) || start.starts_with(blf::MAGIC) || is_asc(text) || text.starts_with(b"(");
+        return Err(other(if is_frames { FRAMES } else { "another format" }));
     };
+    if found == Format::Mdf {
+        let again = input.get_ref().file.try_clone().map_err(unreadable)?;
+        if super::open_mdf_frames(again, &file, BusNames::new())?.has_frames() {
+            return Err(other(FRAMES));
+        }
+    }
+    let log = signals_of(found, input, &file);
     let log = log.and_then(|log| match log.signals() {
         [] => Err(Unusable::new("measured signals", "none")),
         _ => Ok(log),

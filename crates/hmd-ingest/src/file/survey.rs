@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::path::Path;
 
 use hmd_core::dbc::Dimension;
-use hmd_core::log_map::Quantity;
+use hmd_core::log_map::{Doubt, Quantity};
 
 use super::{IngestError, open_signals};
 use crate::signals::Between;
@@ -20,8 +20,8 @@ pub struct SurveyedSignal {
     pub name: String,
     /// Its unit, where the log has one.
     pub unit: Option<String>,
-    /// The unit that its name ends with, where the log has none and the guess fits it.
-    pub unit_of_name: Option<String>,
+    /// The unit that its name ends with, or of a time that which gives a usual rate, where the log has none and the guess fits it.
+    pub guessed_unit: Option<String>,
     /// Whether it is the log's own time.
     pub is_own_time: bool,
     /// Values that are numbers.
@@ -34,15 +34,17 @@ pub struct SurveyedSignal {
     pub jump: f64,
     /// The first values that are no numbers, each once.
     pub texts: Vec<String>,
-    /// What it may be; each quantity once.
+    /// What it may be.
     pub guess: Option<Quantity>,
+    /// What speaks against that: of several signals of one quantity that with the least is meant, else the first.
+    pub doubt: Doubt,
 }
 
 impl SurveyedSignal {
-    /// Its unit, by the log or by its name.
+    /// Its unit: a guess replaces one of the log that is none.
     #[must_use]
     pub fn unit_or_guess(&self) -> Option<&str> {
-        self.unit.as_deref().or(self.unit_of_name.as_deref())
+        self.guessed_unit.as_deref().or(self.unit.as_deref())
     }
 }
 
@@ -84,33 +86,40 @@ impl Pauses {
     }
 }
 
+/// What a log holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Survey {
+    /// Its signals.
+    pub signals: Vec<SurveyedSignal>,
+    /// Names of what it has in a form that is not read.
+    pub not_read: Vec<String>,
+}
+
 /// Reads a log through.
 ///
 /// # Errors
 /// [`IngestError`] when it is no log of measured signals, or cannot be read at all.
-pub fn survey(path: &Path) -> Result<Vec<SurveyedSignal>, IngestError> {
+pub fn survey(path: &Path) -> Result<Survey, IngestError> {
     let mut log = open_signals(path)?;
     let mut found: Vec<SurveyedSignal> = Vec::new();
+    let has_own_time = log.signals().iter().any(|signal| signal.start_us.is_some());
     for signal in log.signals() {
         let is_own_time = signal.start_us.is_some();
-        let (guess, unit_of_name) = if is_own_time {
-            (Some(Quantity::Time), None)
-        } else {
-            Quantity::guess(&signal.name, signal.unit.as_deref())
-                .map_or((None, None), |(guess, unit)| (Some(guess), unit))
-        };
-        let is_taken = |other: &SurveyedSignal| other.guess == guess;
+        let guess = Quantity::guess(&signal.name, signal.unit.as_deref()).filter(|_| !is_own_time);
+        let guess = guess.filter(|guess| guess.quantity != Quantity::Time || !has_own_time);
+        let of_guess = guess.as_ref().map(|guess| guess.quantity);
         found.push(SurveyedSignal {
             name: signal.name.clone(),
             unit: signal.unit.clone(),
-            unit_of_name,
             is_own_time,
             values: 0,
             rate_hz: None,
             range: None,
             jump: 0.0,
             texts: Vec::new(),
-            guess: guess.filter(|_| is_own_time || !found.iter().any(is_taken)),
+            guess: of_guess.or(is_own_time.then_some(Quantity::Time)),
+            doubt: guess.as_ref().map_or(Doubt::None, |guess| guess.doubt),
+            guessed_unit: guess.and_then(|guess| guess.unit),
         });
     }
     for group in log.groups() {
@@ -121,7 +130,9 @@ pub fn survey(path: &Path) -> Result<Vec<SurveyedSignal>, IngestError> {
         }
         let mut row = vec![f64::NAN; group.len()];
         let mut before = row.clone();
-        let time = group.iter().position(|&n| found[n].guess == Some(Quantity::Time));
+        let times = group.iter().enumerate();
+        let times = times.filter(|&(_, &n)| found[n].guess == Some(Quantity::Time));
+        let time = times.min_by_key(|&(_, &n)| found[n].doubt).map(|(place, _)| place);
         let mut pauses = Pauses::default();
         let texts = RefCell::new(vec![Vec::new(); group.len()]);
         let keep = |place: usize, text: &str| {
@@ -156,10 +167,13 @@ pub fn survey(path: &Path) -> Result<Vec<SurveyedSignal>, IngestError> {
             found[n].texts = texts;
         }
         let time = time.and_then(|place| {
-            let signal = &found[group[place]];
+            let signal = &mut found[group[place]];
             let [first, last] = signal.range?;
-            let to_us = Dimension::Time.unit(signal.unit_or_guess().unwrap_or("s"))?.scale;
-            Some((last - first - pauses.sum) * to_us * 1e-6)
+            let span = last - first - pauses.sum;
+            if signal.unit_or_guess().is_none() {
+                signal.guessed_unit = unit_of_time(span / signal.values.saturating_sub(1) as f64);
+            }
+            Some(span * Dimension::Time.unit(signal.unit_or_guess()?)?.scale * 1e-6)
         });
         for &n in &group {
             let intervals = found[n].values.saturating_sub(1) as f64;
@@ -168,12 +182,42 @@ pub fn survey(path: &Path) -> Result<Vec<SurveyedSignal>, IngestError> {
                 .filter(|rate| rate.is_finite() && found[n].values > 0);
         }
     }
-    Ok(found)
+    let not_read = log.not_read().to_vec();
+    Ok(Survey {
+        signals: found,
+        not_read,
+    })
+}
+
+/// The unit in which a step of the time gives a rate that a type may have; at most one does.
+fn unit_of_time(step: f64) -> Option<String> {
+    /// Rates of samples, Hz (`sample_rate_hz`).
+    const RATES: std::ops::RangeInclusive<f64> = 50.0..=20_000.0;
+    let is_usual = |unit: &&str| {
+        let to_us = Dimension::Time.unit(unit);
+        to_us.is_some_and(|unit| RATES.contains(&(1e6 / (step * unit.scale))))
+    };
+    ["s", "ms", "us", "ns"].into_iter().find(is_usual).map(str::to_owned)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_time_without_unit_has_that_which_gives_a_usual_rate() {
+        for (step, unit) in [
+            (0.0025, Some("s")),
+            (2.5, Some("ms")),
+            (2500.0, Some("us")),
+            (2.5e6, Some("ns")),
+            (0.05, None),
+            (0.0, None),
+            (f64::NAN, None),
+        ] {
+            assert_eq!(unit_of_time(step).as_deref(), unit, "{step}");
+        }
+    }
 
     #[test]
     fn what_lies_between_recordings_is_no_part_of_the_rate() {

@@ -31,6 +31,7 @@ pub struct MdfSignals<R> {
     file: Arc<str>,
     groups: Vec<(Arc<Layout>, layout::Data)>,
     signals: Vec<SignalInfo>,
+    not_read: Vec<String>,
     /// Where each signal is.
     places: Vec<Origin>,
     /// Groups that are read; the first gives the rows.
@@ -118,15 +119,21 @@ impl<R: Read + Seek> MdfSignals<R> {
         let unusable = |damage: Damage| Unusable::new(damage.expected, damage.found);
         let mut blocks = Blocks::new(input.clone(), file.clone()).map_err(unusable)?;
         let groups = layout::read(&mut blocks, &mut Vec::new()).map_err(unusable)?;
-        let (mut signals, mut places) = (Vec::new(), Vec::new());
+        let (mut signals, mut not_read, mut places) = (Vec::new(), Vec::new(), Vec::new());
         for (g, (layout, _)) in groups.iter().enumerate() {
             for (f, format) in layout.formats.iter().enumerate() {
-                let Some(length) = format.length else { continue };
+                let length = format.length.unwrap_or(0);
                 let is_read = |of: &Channel| of.is_number() && of.is_linear && of.field.fits(length);
                 let time = format.channels.iter().position(|of| of.is_time() && is_read(of));
-                let Some(time) = time else { continue };
                 for (c, channel) in format.channels.iter().enumerate() {
-                    if !is_read(channel) || channel.is_time() && c != time {
+                    let time = match time {
+                        Some(time) if is_read(channel) => time,
+                        _ => {
+                            not_read.push(channel.name.clone());
+                            continue;
+                        }
+                    };
+                    if channel.is_time() && c != time {
                         continue;
                     }
                     let unit = blocks.text(channel.unit).unwrap_or_default();
@@ -153,6 +160,7 @@ impl<R: Read + Seek> MdfSignals<R> {
                 .map(|(layout, data)| (Arc::new(layout), data))
                 .collect(),
             signals,
+            not_read,
             places,
             read: Vec::new(),
             selected: Vec::new(),
@@ -183,6 +191,10 @@ impl<R: Read + Seek> MdfSignals<R> {
 impl<R: Read + Seek + std::fmt::Debug> SignalLog for MdfSignals<R> {
     fn signals(&self) -> &[SignalInfo] {
         &self.signals
+    }
+
+    fn not_read(&self) -> &[String] {
+        &self.not_read
     }
 
     fn groups(&self) -> Vec<Vec<usize>> {

@@ -389,13 +389,17 @@ fn own_time(log: &dyn SignalLog) -> Option<Column> {
 }
 
 fn missing(log: &dyn SignalLog, column: &Column) -> Unusable {
+    let expected = format!("signal {:?} ({})", column.signal, column.quantity.key());
+    if log.not_read().contains(&column.signal) {
+        return Unusable::new(expected, "it in a form that is not read (docs/logs.md)");
+    }
     let names: Vec<&str> = log.signals().iter().map(|signal| signal.name.as_str()).collect();
     let more = names.len().saturating_sub(OFFERED);
     let mut found = names[..names.len() - more].join(", ");
     if more > 0 {
         found.push_str(&format!(" and {more} more"));
     }
-    Unusable::new(format!("signal {:?} ({})", column.signal, column.quantity.key()), found)
+    Unusable::new(expected, found)
 }
 
 /// What does without times.

@@ -69,6 +69,11 @@ pub trait SignalLog: Debug {
     /// Its signals.
     fn signals(&self) -> &[SignalInfo];
 
+    /// Names of what the log has besides, in a form that is not read.
+    fn not_read(&self) -> &[String] {
+        &[]
+    }
+
     /// Chooses signals by their place in [`SignalLog::signals`]; each row has them in this order. The first but the time gives the rows.
     ///
     /// # Errors

@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use parquet::basic::{ConvertedType, LogicalType, TimeUnit, Type};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
-use parquet::data_type::{ByteArray, DataType};
+use parquet::data_type::{ByteArray, DataType, Int96};
 use parquet::file::reader::{ChunkReader, FileReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
@@ -37,6 +37,7 @@ pub struct ParquetLog<R: ChunkReader + 'static> {
     reader: SerializedFileReader<EndedOnce<R>>,
     file: Arc<str>,
     signals: Vec<SignalInfo>,
+    not_read: Vec<String>,
     /// Of each signal: its column in the file.
     columns: Vec<usize>,
     selected: Vec<usize>,
@@ -77,7 +78,7 @@ impl<R: ChunkReader + 'static> ParquetLog<R> {
         let length = input.len();
         let reader = guarded(|| SerializedFileReader::new(EndedOnce(input)).map_err(|error| one_line(&error)))
             .map_err(|found| Unusable::new("a Parquet file", found))?;
-        let (mut signals, mut columns) = (Vec::new(), Vec::new());
+        let (mut signals, mut not_read, mut columns) = (Vec::new(), Vec::new(), Vec::new());
         for (n, column) in reader
             .metadata()
             .file_metadata()
@@ -89,12 +90,15 @@ impl<R: ChunkReader + 'static> ParquetLog<R> {
             if is_plain(column) {
                 signals.push(info(column));
                 columns.push(n);
+            } else {
+                not_read.push(column.path().string());
             }
         }
         Ok(Self {
             reader,
             file: file.into(),
             signals,
+            not_read,
             columns,
             selected: Vec::new(),
             group: 0,
@@ -166,6 +170,10 @@ impl<R: ChunkReader + 'static> ParquetLog<R> {
 impl<R: ChunkReader + 'static> SignalLog for ParquetLog<R> {
     fn signals(&self) -> &[SignalInfo] {
         &self.signals
+    }
+
+    fn not_read(&self) -> &[String] {
+        &self.not_read
     }
 
     fn select(&mut self, signals: &[(usize, Between)]) -> Result<(), Unusable> {
@@ -266,9 +274,8 @@ impl Cells {
             ColumnReader::ByteArrayColumnReader(reader) => {
                 read(reader, required, out, |value: &ByteArray| Cell::Text(value.clone()))
             }
-            ColumnReader::Int96ColumnReader(_) | ColumnReader::FixedLenByteArrayColumnReader(_) => {
-                Err("a column of another type".to_owned())
-            }
+            ColumnReader::Int96ColumnReader(reader) => read(reader, required, out, |stamp| number(int96_us(stamp))),
+            ColumnReader::FixedLenByteArrayColumnReader(_) => Err("a column of another type".to_owned()),
         }
     }
 }
@@ -294,10 +301,19 @@ fn read<T: DataType>(
     Ok(records)
 }
 
+/// A time stamp of older writers, µs since 1970: nanoseconds of the day, and the Julian day.
+fn int96_us(stamp: &Int96) -> f64 {
+    const DAY_OF_1970: f64 = 2_440_588.0;
+    const DAY_US: f64 = 86_400e6;
+    let [low, high, day] = <[u32; 3]>::try_from(stamp.data()).unwrap_or_default();
+    let of_day_ns = u64::from(high) << 32 | u64::from(low);
+    (f64::from(day) - DAY_OF_1970) * DAY_US + of_day_ns as f64 / 1e3
+}
+
 /// Whether a column has one number or text in each row, or none.
 fn is_plain(column: &ColumnDescriptor) -> bool {
     let is_known = match column.physical_type() {
-        Type::INT96 | Type::FIXED_LEN_BYTE_ARRAY => false,
+        Type::FIXED_LEN_BYTE_ARRAY => false,
         Type::BYTE_ARRAY => !is_decimal(column),
         _ => true,
     };
@@ -335,6 +351,7 @@ fn info(column: &ColumnDescriptor) -> SignalInfo {
         },
         (_, ConvertedType::TIMESTAMP_MILLIS) => "ms",
         (_, ConvertedType::TIMESTAMP_MICROS) => "us",
+        _ if column.physical_type() == Type::INT96 => "us",
         _ => return named,
     };
     SignalInfo {
@@ -377,7 +394,8 @@ mod tests {
             .with_repetition(Repetition::REQUIRED)
             .with_converted_type(converted)
             .with_precision(if decimals > 0 { 9 } else { -1 })
-            .with_scale(if decimals > 0 { decimals } else { -1 });
+            .with_scale(if decimals > 0 { decimals } else { -1 })
+            .with_length(if physical == Type::FIXED_LEN_BYTE_ARRAY { 4 } else { -1 });
         let column = Arc::new(column.build().expect("a column"));
         let schema = Node::group_type_builder("schema").with_fields(vec![column]);
         let schema = Arc::new(schema.build().expect("a schema"));
@@ -394,6 +412,18 @@ mod tests {
             ColumnWriter::Int64ColumnWriter(writer) => {
                 writer.write_batch(values, None, None).expect("values");
             }
+            ColumnWriter::Int96ColumnWriter(writer) => {
+                const DAY_NS: i64 = 86_400_000_000_000;
+                let stamp = |ns: &i64| {
+                    let (day, of_day) = (ns.div_euclid(DAY_NS), ns.rem_euclid(DAY_NS));
+                    let mut stamp = Int96::new();
+                    stamp.set_data(of_day as u32, (of_day >> 32) as u32, (2_440_588 + day) as u32);
+                    stamp
+                };
+                let stamps: Vec<Int96> = values.iter().map(stamp).collect();
+                writer.write_batch(&stamps, None, None).expect("values");
+            }
+            ColumnWriter::FixedLenByteArrayColumnWriter(_) => {}
             _ => panic!("another type"),
         }
         column.close().expect("a column");
@@ -425,11 +455,28 @@ mod tests {
             (Type::INT64, UINT_64, 0, -1, None, 18_446_744_073_709_551_615.0),
             (Type::INT64, TIMESTAMP_MILLIS, 0, 5, Some("ms"), 5.0),
             (Type::INT64, TIMESTAMP_MICROS, 0, 5, Some("us"), 5.0),
+            (
+                Type::INT96,
+                NONE,
+                0,
+                1_700_000_000_002_500_000,
+                Some("us"),
+                1_700_000_000_002_500.0,
+            ),
+            (Type::INT96, NONE, 0, -1500, Some("us"), -1.5),
         ] {
             let (found_unit, found) = read_back(file(physical, converted, decimals, &[written]));
             assert_eq!(found_unit.as_deref(), unit, "{converted:?}");
             let is_near = (found[0] - expected).abs() <= 1e-12 * f64::abs(expected);
             assert!(found.len() == 1 && is_near, "{converted:?}: {found:?}");
         }
+    }
+
+    #[test]
+    fn a_column_that_is_not_read_is_named() {
+        let file = file(Type::FIXED_LEN_BYTE_ARRAY, ConvertedType::NONE, 0, &[]);
+        let log = ParquetLog::new(file, "a.parquet").expect("a table");
+        assert!(log.signals().is_empty());
+        assert_eq!(log.not_read(), ["x"]);
     }
 }

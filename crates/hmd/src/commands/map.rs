@@ -5,8 +5,8 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use hmd_core::dbc::Role;
-use hmd_core::log_map::Quantity;
-use hmd_ingest::file::{SurveyedSignal, survey};
+use hmd_core::log_map::{Doubt, Quantity};
+use hmd_ingest::file::{Survey, SurveyedSignal, survey};
 
 use super::{Exit, say};
 
@@ -34,21 +34,51 @@ const OFFERED: [Quantity; 7] = [
 /// # Errors
 /// No log of measured signals, or one that cannot be read.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
-    let signals = survey(&args.log)?;
-    let text = configuration(&args.log.display().to_string(), &signals).context("writing a text")?;
+    let survey = survey(&args.log)?;
+    let text = configuration(&args.log.display().to_string(), &survey).context("writing a text")?;
     say(text.trim_end())?;
     Ok(Exit::Done)
 }
 
-fn configuration(log: &str, signals: &[SurveyedSignal]) -> Result<String, std::fmt::Error> {
+fn configuration(log: &str, survey: &Survey) -> Result<String, std::fmt::Error> {
     let mut out = String::new();
+    write_signals(&mut out, log, survey)?;
+    writeln!(
+        out,
+        "# What follows is guessed by names and units: check it, above all the signs and the zero of the motor's angle."
+    )?;
+    writeln!(out, "[map]")?;
+    let guesses = Guesses::of(&survey.signals);
+    let continuous = guesses.meant.iter().filter(|(quantity, _)| quantity.is_continuous());
+    if has_several_rates(continuous.map(|(_, signal)| *signal)) {
+        writeln!(out, "# Currents and angles have several rates: they are interpolated.")?;
+        writeln!(out, "resample = true")?;
+    } else if !has_all_continuous(&guesses) && has_several_rates(&survey.signals) {
+        writeln!(out, "# resample = true  # where currents and angles have several rates")?;
+    }
+    for quantity in order() {
+        write_quantity(&mut out, quantity, &guesses)?;
+        if quantity == Quantity::Of(Role::CurrentC)
+            && [quantity, Quantity::CurrentQ]
+                .iter()
+                .all(|of| guesses.meant(*of).is_none())
+        {
+            writeln!(
+                out,
+                "# Instead of phase currents: currents.q, and currents.d where it is known."
+            )?;
+        }
+    }
+    write!(out, "{OWN_TYPE}")?;
+    Ok(out)
+}
+
+/// What the log holds.
+fn write_signals(out: &mut String, log: &str, survey: &Survey) -> std::fmt::Result {
+    let signals = &survey.signals;
     writeln!(out, "# Signals of {}:", plain(log))?;
-    let width = signals
-        .iter()
-        .map(|signal| signal.name.chars().count())
-        .max()
-        .unwrap_or(0)
-        .min(40);
+    let width = signals.iter().map(|signal| signal.name.chars().count());
+    let width = width.max().unwrap_or(0).min(40);
     for signal in signals {
         let name = plain(&signal.name);
         let rate = signal
@@ -67,52 +97,111 @@ fn configuration(log: &str, signals: &[SurveyedSignal]) -> Result<String, std::f
         let unit = plain(signal.unit_or_guess().unwrap_or("-"));
         writeln!(out, "#   {name:width$}  {rate:>8} Hz  {range} {unit}")?;
     }
-    writeln!(
-        out,
-        "# What follows is guessed by names and units: check it, above all the signs and the zero of the motor's angle."
-    )?;
-    writeln!(out, "[map]")?;
-    if has_several_rates(signals, |signal| {
-        signal.guess.is_some_and(|guess| guess.is_continuous())
-    }) {
-        writeln!(out, "# Currents and angles have several rates: they are interpolated.")?;
-        writeln!(out, "resample = true")?;
-    } else if !has_all_continuous(signals) && has_several_rates(signals, |_| true) {
-        writeln!(out, "# resample = true  # where currents and angles have several rates")?;
+    for name in &survey.not_read {
+        writeln!(
+            out,
+            "#   {:width$}  not read: of a type without plain numbers",
+            plain(name)
+        )?;
     }
-    let guessed = |quantity: Quantity| signals.iter().find(|signal| signal.guess == Some(quantity));
-    let is_dq = guessed(Quantity::CurrentQ).is_some() && guessed(Quantity::Of(Role::CurrentA)).is_none();
-    for quantity in order() {
-        let is_own_time = |signal: &SurveyedSignal| quantity == Quantity::Time && signal.is_own_time;
-        match guessed(quantity) {
-            Some(signal) if is_own_time(signal) => writeln!(out, "# The log has its own time.")?,
-            Some(signal) => writeln!(out, "{}", line(quantity, signal))?,
-            None if OFFERED.contains(&quantity) && !(is_dq && quantity.key().starts_with("currents.")) => {
-                writeln!(out, "# {} = {{ signal = \"…\", unit = \"…\" }}", quantity.key())?;
+    Ok(())
+}
+
+/// The signal that each quantity is guessed to be.
+struct Guesses<'a> {
+    signals: &'a [SurveyedSignal],
+    meant: Vec<(Quantity, &'a SurveyedSignal)>,
+}
+
+impl<'a> Guesses<'a> {
+    fn of(signals: &'a [SurveyedSignal]) -> Self {
+        let least_doubt = |quantity| {
+            let of = signals.iter().filter(|signal| signal.guess == Some(quantity));
+            Some((quantity, of.min_by_key(|signal| signal.doubt)?))
+        };
+        let meant = Quantity::all().filter_map(least_doubt).collect();
+        Self { signals, meant }
+    }
+
+    fn meant(&self, of: Quantity) -> Option<&'a SurveyedSignal> {
+        let found = self.meant.iter().find(|(quantity, _)| *quantity == of);
+        found.map(|(_, signal)| *signal)
+    }
+
+    /// Names of others that it may be.
+    fn others(&self, of: Quantity) -> Vec<String> {
+        /// The most that are named.
+        const MOST: usize = 4;
+        let Some(meant) = self.meant(of).filter(|meant| !meant.is_own_time) else {
+            return Vec::new();
+        };
+        let is_other = |signal: &&SurveyedSignal| signal.guess == Some(of) && signal.name != meant.name;
+        let others = self.signals.iter().filter(is_other);
+        let others = others.filter(|signal| !signal.doubt.needs_scale());
+        others.take(MOST).map(|signal| quoted(&signal.name)).collect()
+    }
+
+    /// Why a guess stands in a comment alone; `None`: it does not.
+    fn why_not(&self, of: Quantity, signal: &SurveyedSignal) -> Option<&'static str> {
+        let has = |quantity: Quantity| self.meant(quantity).is_some();
+        let has_phases = has(Quantity::Of(Role::CurrentA)) && has(Quantity::Of(Role::CurrentB));
+        let is_rotor = matches!(of, Quantity::CurrentD | Quantity::CurrentQ);
+        match of {
+            Quantity::Of(Role::MotorPosition) if signal.doubt == Doubt::Electrical => {
+                Some("the electrical angle: scale = 1 / pole pairs")
             }
-            None => {}
-        }
-        if quantity == Quantity::Of(Role::CurrentC)
-            && [quantity, Quantity::CurrentQ].iter().all(|of| guessed(*of).is_none())
-        {
-            writeln!(
-                out,
-                "# Instead of phase currents: currents.q, and currents.d where it is known."
-            )?;
-        }
-    }
-    if guessed(Quantity::Of(Role::MotorPosition)).is_none() {
-        for signal in signals.iter().filter(|signal| is_electrical_angle(&signal.name)) {
-            writeln!(
-                out,
-                "# position.motor = {{ signal = {}, unit = \"…\", scale = …, wraps_after = … }}  # scale: 1 / pole pairs; wraps_after: a turn, as \
-                 the log has it",
-                quoted(&signal.name)
-            )?;
+            Quantity::Of(Role::CommandPosition) if signal.doubt == Doubt::OtherSide => {
+                Some("set point of the motor: scale = 1 / gear ratio")
+            }
+            Quantity::Of(Role::CommandSpeed) if signal.doubt == Doubt::OtherSide => {
+                Some("set point of the output: scale = gear ratio")
+            }
+            _ if of.is_current() && has(Quantity::CurrentQ) && has_phases == is_rotor => {
+                Some("either phase currents or those of the rotor's frame")
+            }
+            Quantity::MODE if !has_known_modes(signal) => Some("its values in position and speed mode"),
+            Quantity::Of(Role::CommandSpeed) if has(Quantity::Of(Role::CommandPosition)) => {
+                let mode = self.meant(Quantity::MODE).filter(|mode| has_known_modes(mode));
+                mode.is_none().then_some("both set points take command.mode")
+            }
+            Quantity::Counter if begins_again(signal) => Some("it begins again too early to count samples"),
+            _ => None,
         }
     }
-    write!(out, "{OWN_TYPE}")?;
-    Ok(out)
+}
+
+/// Whether the values of a mode tell which is position mode: names, or the numbers that need no key.
+fn has_known_modes(signal: &SurveyedSignal) -> bool {
+    match signal.range {
+        Some([least, largest]) => least >= 0.0 && largest <= 2.0,
+        None => text_of(POSITION, &signal.texts).is_some(),
+    }
+}
+
+/// Whether a counter had fewer values than rows, and is none of 16 bits.
+fn begins_again(signal: &SurveyedSignal) -> bool {
+    let range = signal.range.map_or(0.0, |[least, largest]| largest - least);
+    range + 1.0 < signal.values as f64 && range < f64::from(u16::MAX)
+}
+
+/// The lines of one quantity.
+fn write_quantity(out: &mut String, quantity: Quantity, guesses: &Guesses<'_>) -> std::fmt::Result {
+    let is_dq = guesses.meant(Quantity::CurrentQ).is_some();
+    match guesses.meant(quantity) {
+        Some(signal) if signal.is_own_time => writeln!(out, "# The log has its own time.")?,
+        Some(signal) => match guesses.why_not(quantity, signal) {
+            Some(why) => writeln!(out, "# {}  # {why}", line(quantity, signal))?,
+            None => writeln!(out, "{}", line(quantity, signal))?,
+        },
+        None if OFFERED.contains(&quantity) && !(is_dq && quantity.is_current()) => {
+            writeln!(out, "# {} = {{ signal = \"…\", unit = \"…\" }}", quantity.key())?;
+        }
+        None => {}
+    }
+    match guesses.others(quantity) {
+        others if others.is_empty() => Ok(()),
+        others => writeln!(out, "# {} may be {} instead.", quantity.key(), others.join(", ")),
+    }
 }
 
 /// What else a configuration of an actuator has.
@@ -131,38 +220,19 @@ const OWN_TYPE: &str = "\
 # kind = \"vector\"
 ";
 
-/// Whether a name says the electrical angle, which turns once for each pair of poles.
-fn is_electrical_angle(name: &str) -> bool {
-    let plain: String = name.to_lowercase().chars().filter(|c| c.is_alphanumeric()).collect();
-    [
-        "thetael",
-        "thetae",
-        "electricalangle",
-        "anglee",
-        "angleel",
-        "elangle",
-        "phiel",
-    ]
-    .iter()
-    .any(|known| plain.ends_with(known))
-}
-
 /// Whether currents and both angles look like ones.
-fn has_all_continuous(signals: &[SurveyedSignal]) -> bool {
-    let has = |quantity: Quantity| signals.iter().any(|signal| signal.guess == Some(quantity));
+fn has_all_continuous(guesses: &Guesses<'_>) -> bool {
+    let has = |quantity: Quantity| guesses.meant(quantity).is_some();
     let angles = [Role::MotorPosition, Role::OutputPosition];
     (has(Quantity::CurrentQ) || has(Quantity::Of(Role::CurrentA)))
         && angles.into_iter().all(|role| has(Quantity::Of(role)))
 }
 
-/// Whether the signals that count come at different rates.
-fn has_several_rates(signals: &[SurveyedSignal], counts: impl Fn(&SurveyedSignal) -> bool) -> bool {
+/// Whether signals come at different rates.
+fn has_several_rates<'a>(signals: impl IntoIterator<Item = &'a SurveyedSignal>) -> bool {
     /// Share by which two rates of one log are the same.
     const SAME: f64 = 0.02;
-    let mut rates = signals
-        .iter()
-        .filter(|signal| counts(signal))
-        .filter_map(|signal| signal.rate_hz);
+    let mut rates = signals.into_iter().filter_map(|signal| signal.rate_hz);
     let Some(first) = rates.next() else { return false };
     rates.any(|rate| (rate - first).abs() > SAME * first)
 }
@@ -184,43 +254,55 @@ fn order() -> Vec<Quantity> {
 
 fn line(quantity: Quantity, signal: &SurveyedSignal) -> String {
     let name = quoted(&signal.name);
-    if quantity == Quantity::MODE && !signal.texts.is_empty() {
+    if quantity == Quantity::MODE && !(signal.range.is_some() && has_known_modes(signal)) {
         return mode_line(&name, &signal.texts);
     }
     let needs_unit = !matches!(quantity, Quantity::Counter | Quantity::MODE);
-    let wraps = wraps_after(quantity, signal);
-    let unit = match (&signal.unit, &signal.unit_of_name) {
-        (None, None) if needs_unit => ", unit = \"…\"".to_owned(),
-        (None, None) => String::new(),
-        (Some(_), _) if wraps.is_none() => return format!("{} = {name}", quantity.key()),
-        (Some(unit), _) | (None, Some(unit)) => format!(", unit = {}", quoted(unit)),
+    let wraps = wraps_after(quantity, signal).map(|turn| turn.to_string());
+    let wraps = wraps.or_else(|| (signal.doubt == Doubt::Electrical).then(|| "…".to_owned()));
+    let scale = if signal.doubt.needs_scale() {
+        ", scale = …"
+    } else {
+        ""
     };
-    let wraps = wraps.map_or(String::new(), |range| format!(", wraps_after = {range}"));
+    let unit = match (&signal.guessed_unit, &signal.unit) {
+        (None, None) if needs_unit => ", unit = \"…\"".to_owned(),
+        (None, Some(unit)) if wraps.is_some() || signal.doubt.needs_scale() => format!(", unit = {}", quoted(unit)),
+        (None, _) => String::new(),
+        (Some(unit), _) => format!(", unit = {}", quoted(unit)),
+    };
+    let wraps = wraps.map_or(String::new(), |turn| format!(", wraps_after = {turn}"));
     if unit.is_empty() && wraps.is_empty() {
         return format!("{} = {name}", quantity.key());
     }
-    format!("{} = {{ signal = {name}{unit}{wraps} }}", quantity.key())
+    format!("{} = {{ signal = {name}{unit}{scale}{wraps} }}", quantity.key())
 }
 
-/// A mode whose values are texts, with those that look like position and speed mode.
+/// Beginnings of the names of modes.
+const POSITION: &[&str] = &["pos", "angle"];
+const SPEED: &[&str] = &["speed", "spd", "vel"];
+
+fn text_of<'a>(starts: &[&str], texts: &'a [String]) -> Option<&'a String> {
+    let is_like = |text: &&String| starts.iter().any(|start| text.to_ascii_lowercase().starts_with(start));
+    texts.iter().find(is_like)
+}
+
+/// A mode by its values, texts or numbers that nobody knows.
 fn mode_line(name: &str, texts: &[String]) -> String {
-    let like = |starts: &[&str]| {
-        let is_like = |text: &&String| starts.iter().any(|start| text.to_ascii_lowercase().starts_with(start));
-        texts
-            .iter()
-            .find(is_like)
-            .map_or("\"…\"".to_owned(), |text| quoted(text))
+    let value = |text: &str| {
+        if texts.is_empty() {
+            "…".to_owned()
+        } else {
+            quoted(text)
+        }
     };
-    let (position, speed) = (like(&["pos", "angle"]), like(&["speed", "spd", "vel"]));
-    let key = Quantity::MODE.key();
-    let comment = if position.contains('…') { "# " } else { "" };
+    let position = value(text_of(POSITION, texts).map_or("…", String::as_str));
     // A mode that this log does not have needs no text.
-    let speed = if speed.contains('…') {
-        String::new()
-    } else {
-        format!(", speed = {speed}")
-    };
-    format!("{comment}{key} = {{ signal = {name}, position = {position}{speed} }}")
+    let speed = text_of(SPEED, texts).map_or(String::new(), |speed| format!(", speed = {}", quoted(speed)));
+    format!(
+        "{} = {{ signal = {name}, position = {position}{speed} }}",
+        Quantity::MODE.key()
+    )
 }
 
 /// The turn after which an angle begins again, if its range is nearly one, or if it jumps by most of its range.
@@ -264,7 +346,6 @@ mod tests {
 
     fn signal(name: &str, unit: &str, range: [f64; 2]) -> SurveyedSignal {
         let guess = Quantity::guess(name, Some(unit).filter(|unit| !unit.is_empty()));
-        let (guess, unit_of_name) = guess.map_or((None, None), |(guess, unit)| (Some(guess), unit));
         SurveyedSignal {
             name: name.to_owned(),
             unit: (!unit.is_empty()).then(|| unit.to_owned()),
@@ -274,9 +355,15 @@ mod tests {
             range: Some(range),
             jump: 0.0,
             texts: Vec::new(),
-            guess,
-            unit_of_name,
+            guess: guess.as_ref().map(|guess| guess.quantity),
+            doubt: guess.as_ref().map_or(Doubt::None, |guess| guess.doubt),
+            guessed_unit: guess.and_then(|guess| guess.unit),
         }
+    }
+
+    fn configuration(log: &str, signals: &[SurveyedSignal]) -> String {
+        let (signals, not_read) = (signals.to_vec(), vec!["x.y".to_owned()]);
+        super::configuration(log, &Survey { signals, not_read }).unwrap()
     }
 
     #[test]
@@ -291,7 +378,7 @@ mod tests {
             signal("angle_demand", "deg", [0.0, 14.0]),
             signal("mode", "", [0.0, 1.0]),
         ];
-        let text = configuration("a.csv", &signals).unwrap();
+        let text = configuration("a.csv", &signals);
         assert!(
             text.contains("#   motor_angle        400 Hz  0.1 to 359.9 deg\n"),
             "{text}"
@@ -335,7 +422,7 @@ mod tests {
         );
         assert_eq!(
             mode(&["off", "tracking"]),
-            "# command.mode = { signal = \"mode\", position = \"…\" }"
+            "command.mode = { signal = \"mode\", position = \"…\" }"
         );
     }
 
@@ -352,7 +439,7 @@ mod tests {
                 signal("I_B", "A", [-3.0, 3.0]),
                 angle(rate_hz),
             ];
-            let text = configuration("a.csv", &signals).unwrap();
+            let text = configuration("a.csv", &signals);
             let config = Config::from_toml_str(&text, "hmd.toml").unwrap();
             config.actuator_of_logs().unwrap().1.resampling().is_some()
         };
@@ -370,7 +457,7 @@ mod tests {
             ("setpoint_deg", [0.0, 14.0]),
         ];
         let signals = columns.map(|(name, range)| signal(name, "", range));
-        let text = configuration("a.csv", &signals).unwrap();
+        let text = configuration("a.csv", &signals);
         assert!(
             text.contains("time = { signal = \"time_s\", unit = \"s\" }\n"),
             "{text}"
@@ -389,9 +476,11 @@ mod tests {
                 ..signal("ThetaEl", "rad", [0.0, 6.2])
             },
         ];
-        let text = configuration("a.mf4", &signals).unwrap();
+        let text = configuration("a.mf4", &signals);
         assert!(
-            text.contains("# position.motor = { signal = \"ThetaEl\", unit = \"…\", scale"),
+            text.contains(
+                "# position.motor = { signal = \"ThetaEl\", unit = \"rad\", scale = …, wraps_after = … }  # the electrical angle: scale"
+            ),
             "{text}"
         );
         assert!(text.contains("# resample = true  #"), "{text}");
@@ -400,7 +489,7 @@ mod tests {
 
     #[test]
     fn what_nothing_looks_like_is_offered() {
-        let text = configuration("a.csv", &[signal("x", "", [0.0, 1.0])]).unwrap();
+        let text = configuration("a.csv", &[signal("x", "", [0.0, 1.0])]);
         for offered in [
             "# time = {",
             "# currents.a = {",
@@ -409,5 +498,96 @@ mod tests {
         ] {
             assert!(text.contains(offered), "{offered}: {text}");
         }
+    }
+
+    /// The lines of `[map]` that are no comments, of a configuration that hmd takes.
+    fn taken(signals: &[SurveyedSignal]) -> (Vec<String>, String) {
+        let text = configuration("a.csv", signals);
+        let config = Config::from_toml_str(&text, "hmd.toml");
+        assert!(config.is_ok_and(|config| config.actuator_of_logs().is_some()), "{text}");
+        let lines = text.lines().filter(|line| !line.starts_with('#'));
+        (lines.skip(1).map(str::to_owned).collect(), text)
+    }
+
+    #[test]
+    fn of_several_signals_the_plainest_is_meant_and_the_others_are_named() {
+        let angle = [0.0, 200.0];
+        let signals = [
+            signal("time", "s", [0.0, 1.0]),
+            signal("I_a", "A", [-3.0, 3.0]),
+            signal("I_b", "A", [-3.0, 3.0]),
+            signal("motor position electrical", "deg", [0.0, 359.9]),
+            signal("motor_angle_error", "deg", [0.0, 0.0]),
+            signal("motor_angle_filtered", "deg", angle),
+            signal("motor position", "deg", angle),
+            signal("motor position 2", "deg", angle),
+            signal("T_motor", "degC", [20.0, 30.0]),
+            signal("T_winding", "degC", [20.0, 30.0]),
+        ];
+        let (lines, text) = taken(&signals);
+        assert!(
+            lines.contains(&"position.motor = \"motor position\"".to_owned()),
+            "{text}"
+        );
+        assert!(
+            lines.contains(&"status.winding_temp = \"T_winding\"".to_owned()),
+            "{text}"
+        );
+        let others = "# position.motor may be \"motor_angle_filtered\", \"motor position 2\" instead.\n";
+        assert!(text.contains(others), "{text}");
+        assert!(text.contains("#   x.y                        not read: "), "{text}");
+    }
+
+    #[test]
+    fn what_hmd_would_refuse_beside_each_other_is_a_comment() {
+        let base = [
+            signal("time", "s", [0.0, 1.0]),
+            signal("Ia", "A", [-3.0, 3.0]),
+            signal("Ib", "A", [-3.0, 3.0]),
+            signal("Iq_fb", "A", [-3.0, 3.0]),
+            signal("rotor_angle", "rad", [0.0, 30.0]),
+            signal("setpoint_pos", "rad", [0.0, 3.0]),
+            signal("setpoint_speed", "rad/s", [-1.0, 1.0]),
+        ];
+        let with = |more: SurveyedSignal| {
+            let signals: Vec<_> = base.iter().cloned().chain([more]).collect();
+            let (lines, text) = taken(&signals);
+            let keys = lines.iter().map(|line| line.split(" = ").next().unwrap().to_owned());
+            (
+                keys.filter(|key| key.starts_with('c') || key.starts_with('s'))
+                    .collect::<Vec<_>>(),
+                text,
+            )
+        };
+        let (keys, text) = with(signal("x", "", [0.0; 2]));
+        assert_eq!(keys, ["currents.a", "currents.b", "command.position"], "{text}");
+        assert!(
+            text.contains("# command.speed = \"setpoint_speed\"  # both set points"),
+            "{text}"
+        );
+        assert!(text.contains("# currents.q = \"Iq_fb\"  # either"), "{text}");
+        let both = [
+            "currents.a",
+            "currents.b",
+            "command.position",
+            "command.speed",
+            "command.mode",
+        ];
+        assert_eq!(with(signal("mode", "", [0.0, 2.0])).0, both);
+        let (keys, text) = with(signal("mode", "", [3.0, 8.0]));
+        assert_eq!(keys, both[..3]);
+        assert!(
+            text.contains("# command.mode = { signal = \"mode\", position = … }  # its values"),
+            "{text}"
+        );
+        let counter = |values| SurveyedSignal {
+            values,
+            ..signal("counter", "", [0.0, 255.0])
+        };
+        assert_eq!(with(counter(1800)).0, both[..3], "it begins again");
+        assert_eq!(with(counter(256)).0.last().unwrap(), "sample.counter");
+        // Without the second phase it is the current of the rotor's frame.
+        let signals: Vec<_> = base.iter().filter(|signal| signal.name != "Ib").cloned().collect();
+        assert_eq!(taken(&signals).0[1], "currents.q = \"Iq_fb\"");
     }
 }

@@ -45,9 +45,8 @@ pub enum ReplayError {
     },
     /// Frames, but no three that make a sample.
     #[error(
-        "{logs}: expected currents, position and command of one sample, found {} with currents, {} with \
-         position, {} with command, and no three that belong together",
-        counted(found.currents, "frame", "frames"), found.position, found.command
+        "{logs}: expected currents, position and command of one sample, found {}",
+        parts(found)
     )]
     NoSample {
         /// The logs.
@@ -55,4 +54,16 @@ pub enum ReplayError {
         /// Frames by what they carry.
         found: FrameCounts,
     },
+}
+
+/// Frames of the built-in dictionary by what they carry; those of others, of which a notice says what they lack, by their number alone.
+fn parts(found: &FrameCounts) -> String {
+    if found.currents + found.position + found.command == 0 {
+        return format!("none in {} that are known", counted(found.decoded, "frame", "frames"));
+    }
+    let with_currents = counted(found.currents, "frame", "frames");
+    format!(
+        "{with_currents} with currents, {} with position, {} with command, and no three that belong together",
+        found.position, found.command
+    )
 }

@@ -253,7 +253,7 @@ fn what_a_bus_never_says_is_said() {
         // Get_Iq; Set_Input_Pos.
         (
             " 034#",
-            "joint: not monitored: expected Get_Iq.Iq_Measured in each sample, found none",
+            "joint: not monitored: expected Get_Iq.Iq_Measured (identifier 034) in each sample, found none\n",
         ),
         (
             " 02C#",
@@ -264,6 +264,73 @@ fn what_a_bus_never_says_is_said() {
         let ended = folder.hmd("replay cut.log -c hmd.toml");
         assert!(ended.stderr.contains(said), "{}", ended.stderr);
     }
+}
+
+#[test]
+fn identifiers_that_came_instead_are_named() {
+    let (actuator, rate_hz) = ("servo270", 400);
+    for (preset, encoder, keys, said) in [
+        (
+            "odrive",
+            true,
+            "output_encoder = 491",
+            "joint: not monitored: expected TxSdo.Value (identifier 025, number 491) in each sample, found none, but identifiers that \
+             are not read: 024; 025, number 490\n",
+        ),
+        (
+            "damiao",
+            false,
+            "rated_current_a = 10\nposition_max_rad = 1",
+            "joint: not monitored: expected POS (identifier 000, number 1), T (identifier 000, number 1) in each sample, found none, \
+             but identifiers that are not read: 011\n",
+        ),
+    ] {
+        let folder = Folder::new();
+        let bus = Bus {
+            actuator,
+            preset,
+            encoder,
+            rate_hz,
+            keys,
+        };
+        bus.configure(&folder, "hmd", "");
+        bus.simulate(&folder, "--windows 1 --seed 4", "joint.log");
+        for command in [
+            "replay joint.log -c hmd.toml",
+            "calibrate joint.log -c hmd.toml -o unit.toml",
+        ] {
+            let ended = folder.hmd(command);
+            assert_eq!(ended.code, 1, "{command}");
+            assert!(ended.stderr.contains(said), "{command}: {}", ended.stderr);
+            assert!(!ended.stderr.contains("0 frames with"), "{command}: {}", ended.stderr);
+        }
+    }
+}
+
+/// A weak controller still creeps to its target when the next actuation begins.
+#[test]
+fn motion_that_begins_no_window_is_counted() {
+    let folder = Folder::new();
+    let kind = "[type.bench]\ndrive.kind = \"vector\"\nsensors.sample_rate_hz = 1000\n";
+    let drive = "[actuator.drive]\npreset = \"moteus\"\noutput_encoder = 1\nset_point = false\n";
+    folder.write("type.toml", kind);
+    folder.write(
+        "hmd.toml",
+        format!("{kind}[[actuator]]\nid = 1\ntype = \"bench\"\n{drive}"),
+    );
+    folder.done(
+        "simulate -c type.toml --rate 1000 --windows 5 --seed 5 --with inertia_deviation=0.04 --with dynamic_friction_deviation=0.15 \
+         --with play_deviation=0.3 --fault gain=0.8 --preset moteus --output-encoder --id 1 -o weak.log",
+    );
+    let ended = folder.hmd("replay weak.log -c hmd.toml --json");
+    let windows = count(&ended.stdout, "\"window\":");
+    let said =
+        "2 motions without a window: without set point one begins where the motor stood for 10 ms, and it did not";
+    assert!(
+        windows == 3 && ended.stderr.contains(said),
+        "{windows}: {}",
+        ended.stderr
+    );
 }
 
 #[test]

@@ -1,0 +1,210 @@
+//! Motion without a window, where nothing is commanded and motion itself begins one.
+//!
+//! Such a window begins where the motor stood. One that creeps until its actuation begins, as behind worn gears or with a weak controller,
+//! gives none: each motion that begins so is counted here, and said.
+
+use std::collections::VecDeque;
+
+use ema_models::{ActuatorParams, SensedSample};
+
+use crate::counted::counted;
+
+/// Travel of the output that is a motion, in thresholds of the trigger, and the current that moves it, share of I_max.
+const TRAVEL_THRESHOLDS: f64 = 10.0;
+const CURRENT_SHARE: f64 = 0.05;
+
+/// Travel within half the rest from which on the motor no longer creeps: in thresholds of the trigger, and in counts. That which begins a
+/// window.
+const FAST_THRESHOLDS: f64 = 0.1;
+const FAST_COUNTS: f64 = 6.0;
+
+/// Watches the samples of one actuator that lie in no window.
+#[derive(Clone, Debug)]
+pub struct UncutMotions {
+    travel_min_rad: f64,
+    fast_rad: f64,
+    rad_per_motor_count: f64,
+    current_min_a: f64,
+    rest_ms: f64,
+    /// Motor counts over half the rest, the oldest first.
+    counts: VecDeque<i64>,
+    half: usize,
+    last_seq: Option<u64>,
+    /// Whether the motor stood or crept since the last window.
+    was_slow: bool,
+    motion: Option<Motion>,
+    number: u64,
+}
+
+/// A motion that goes on.
+#[derive(Clone, Copy, Debug)]
+struct Motion {
+    from: i64,
+    travel_rad: f64,
+    current_max_a: f64,
+}
+
+impl UncutMotions {
+    /// For an actuator whose windows begin where it stood for half of `rest_ms` and then moves, with a threshold of `trigger_rad`.
+    #[must_use]
+    pub fn new(params: &ActuatorParams, trigger_rad: f64, rest_ms: f64) -> Self {
+        let rad_per_motor_count = params.sensors.motor_lsb() / params.transmission.gear_ratio;
+        let half = (0.5e-3 * rest_ms * params.sensors.sample_rate).ceil().max(1.0) as usize;
+        Self {
+            travel_min_rad: TRAVEL_THRESHOLDS * trigger_rad,
+            fast_rad: (FAST_THRESHOLDS * trigger_rad).max(FAST_COUNTS * rad_per_motor_count),
+            rad_per_motor_count,
+            current_min_a: CURRENT_SHARE * params.motor.i_max,
+            rest_ms,
+            counts: VecDeque::with_capacity(half + 1),
+            half,
+            last_seq: None,
+            was_slow: false,
+            motion: None,
+            number: 0,
+        }
+    }
+
+    /// Takes a sample; the sentence where it ends the first motion without a window.
+    pub fn push(&mut self, seq: u64, sample: &SensedSample, is_in_window: bool) -> Option<String> {
+        // What lies between two samples that do not follow each other is not known.
+        if self
+            .last_seq
+            .replace(seq)
+            .is_none_or(|last| last.wrapping_add(1) != seq)
+        {
+            self.counts.clear();
+            self.motion = None;
+        }
+        if self.counts.len() > self.half {
+            self.counts.pop_front();
+        }
+        self.counts.push_back(sample.motor_counts);
+        if is_in_window {
+            (self.motion, self.was_slow) = (None, false);
+            return None;
+        }
+        let from = *self.counts.front().filter(|_| self.counts.len() > self.half)?;
+        let is_fast = self.rad(from, sample.motor_counts) > self.fast_rad;
+        match &mut self.motion {
+            None if !is_fast => self.was_slow = true,
+            // Behind a window it goes on.
+            None if !self.was_slow => {}
+            None => {
+                self.motion = Some(Motion {
+                    from,
+                    travel_rad: 0.0,
+                    current_max_a: 0.0,
+                });
+            }
+            Some(motion) => {
+                let travel = motion.from.abs_diff(sample.motor_counts) as f64 * self.rad_per_motor_count;
+                motion.travel_rad = motion.travel_rad.max(travel);
+                let current = sample.currents.iter().fold(0.0_f64, |max, i| max.max(i.abs()));
+                motion.current_max_a = motion.current_max_a.max(current);
+                if !is_fast {
+                    return self.end_motion();
+                }
+            }
+        }
+        None
+    }
+
+    /// End of the traffic: how many motions there were, where that was not said yet.
+    pub fn finish(&mut self) -> Option<String> {
+        let first = self.end_motion();
+        let number = std::mem::take(&mut self.number);
+        self.counts.clear();
+        (self.last_seq, self.was_slow) = (None, false);
+        if number < 2 {
+            return first;
+        }
+        let motions = counted(number, "motion", "motions");
+        Some(format!("{motions} without a window: {}", self.why()))
+    }
+
+    fn end_motion(&mut self) -> Option<String> {
+        let motion = self.motion.take()?;
+        if motion.travel_rad <= self.travel_min_rad || motion.current_max_a <= self.current_min_a {
+            return None;
+        }
+        self.number += 1;
+        let travel = motion.travel_rad;
+        (self.number == 1).then(|| format!("no window, while the output turned by {travel:.3} rad: {}", self.why()))
+    }
+
+    fn why(&self) -> String {
+        let half = self.rest_ms / 2.0;
+        format!("without set point one begins where the motor stood for {half} ms, and it did not")
+    }
+
+    fn rad(&self, from: i64, to: i64) -> f64 {
+        from.abs_diff(to) as f64 * self.rad_per_motor_count
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ema_models::Setpoint;
+
+    /// What is said of the counts of the motor at these samples, 1 ms apart, under this current; a window is open from `window` on for 480 ms.
+    fn said(counts: impl Fn(u64) -> i64, current: f64, window: Option<u64>) -> Vec<String> {
+        let mut params = ActuatorParams::bench();
+        params.sensors.sample_rate = 1000.0;
+        let mut motions = UncutMotions::new(&params, 1e-3, 20.0);
+        let mut said = Vec::new();
+        for seq in 0..2000 {
+            let sample = SensedSample {
+                seq,
+                currents: [current, -current, 0.0],
+                motor_counts: counts(seq),
+                output_counts: 0,
+                setpoint: Setpoint::Idle,
+            };
+            let is_in_window = window.is_some_and(|from| (from..from + 480).contains(&seq));
+            said.extend(motions.push(seq, &sample, is_in_window));
+        }
+        said.extend(motions.finish());
+        said
+    }
+
+    /// A creep of 5 counts in 1 ms, and from here on 500 ms of 500.
+    fn creeps_and_moves(seq: u64, from: u64) -> i64 {
+        (5 * seq + 495 * seq.saturating_sub(from).min(500)).cast_signed()
+    }
+
+    #[test]
+    fn motion_that_a_creep_goes_before_is_said_once_and_counted() {
+        let one = said(|seq| creeps_and_moves(seq, 500), 2.0, None);
+        assert_eq!(one.len(), 1, "{one:?}");
+        assert!(
+            one[0].starts_with("no window, while the output turned by 0.2") && one[0].ends_with("and it did not"),
+            "{one:?}"
+        );
+        let two = said(
+            |seq| creeps_and_moves(seq, 200) + creeps_and_moves(seq, 1200),
+            2.0,
+            None,
+        );
+        assert_eq!(two.len(), 2, "{two:?}");
+        assert!(two[1].starts_with("2 motions without a window: "), "{two:?}");
+    }
+
+    #[test]
+    fn creep_motion_in_a_window_and_what_goes_on_behind_it_is_none() {
+        let none: [String; 0] = [];
+        assert_eq!(said(|seq| 5 * seq.cast_signed(), 2.0, None), none, "a creep");
+        assert_eq!(
+            said(|seq| creeps_and_moves(seq, 500), 0.01, None),
+            none,
+            "turned by something else"
+        );
+        assert_eq!(said(|seq| creeps_and_moves(seq, 500), 2.0, Some(505)), none);
+        assert_eq!(
+            said(|seq| creeps_and_moves(seq, 500), 2.0, Some(300)),
+            none,
+            "it goes on"
+        );
+    }
+}

@@ -37,10 +37,21 @@ pub(super) struct LiveDecisions {
 /// A run that marked the windows it assessed.
 #[derive(Debug, Default)]
 struct MarkedRun {
-    /// Windows that were assessed or dropped, and that the replay has not met.
-    to_come: BTreeSet<WindowKey>,
+    /// Windows that were assessed or dropped.
+    decided: BTreeSet<WindowKey>,
+    /// The last that was assessed, until the replay has met it.
+    last: Option<WindowKey>,
     /// It came to its end and counted the time of operation up to there.
     is_ended: bool,
+}
+
+impl MarkedRun {
+    /// Windows are assessed in the order in which they end. The frames of marked ones may be gone.
+    fn came_to(&mut self, window: &WindowKey) -> bool {
+        let has_come = self.last.is_some() || self.decided.contains(window);
+        self.last.take_if(|last| last == window);
+        has_come
+    }
 }
 
 impl LiveDecisions {
@@ -86,7 +97,7 @@ impl LiveDecisions {
             }
         }
         // Whoever took the records out of a file left the frames to be assessed; a folder has them in segments of their own.
-        if let Some(bare) = run.take_if(|run| !is_segment && self.runs[run].to_come.is_empty()) {
+        if let Some(bare) = run.take_if(|run| !is_segment && self.runs[run].decided.is_empty()) {
             self.runs.remove(&bare);
         }
         Some((run, capture_ns))
@@ -94,7 +105,7 @@ impl LiveDecisions {
 
     fn take(&mut self, message: &McapMessage, run: Option<&str>) {
         let data = message.data.as_slice();
-        let mut decided = None;
+        let (mut decided, mut is_assessed) = (None, false);
         match &*message.schema {
             Dropped::SCHEMA_NAME => {
                 let key = Dropped::decode(data).map(|record| (record.actuator, record.t_start_ns));
@@ -108,16 +119,19 @@ impl LiveDecisions {
             }
             Assessed::SCHEMA_NAME => {
                 let decoded = Assessed::decode(data);
-                decided = decoded.map(|record| (record.actuator, record.t_start_ns)).ok();
+                (decided, is_assessed) = (decoded.map(|record| (record.actuator, record.t_start_ns)).ok(), true);
             }
             Health::SCHEMA_NAME => {
                 let decoded = Health::decode(data);
-                decided = decoded.map(|record| (record.actuator, record.t_start_ns)).ok();
+                (decided, is_assessed) = (decoded.map(|record| (record.actuator, record.t_start_ns)).ok(), true);
             }
             _ => {}
         }
         if let Some(run) = run.and_then(|run| self.runs.get_mut(run)) {
-            run.to_come.extend(decided);
+            if is_assessed && decided.is_some() {
+                run.last.clone_from(&decided);
+            }
+            run.decided.extend(decided);
             run.is_ended |= *message.schema == *Ended::SCHEMA_NAME;
         }
     }
@@ -129,12 +143,7 @@ impl LiveDecisions {
 
     /// Whether the run of the log came to this window: behind the last one that it marked, it had none left to assess.
     pub(super) fn came_to(&mut self, window: &WindowKey) -> bool {
-        let Some(run) = self.current_run() else {
-            return true;
-        };
-        let has_come = !run.to_come.is_empty();
-        run.to_come.remove(window);
-        has_come
+        self.current_run().is_none_or(|run| run.came_to(window))
     }
 
     /// Whether the run of the log was killed, or is under way, so that its time of operation counts to its last window alone.
@@ -158,4 +167,24 @@ fn marked_run(messages: &McapMessages<BufReader<File>>, log: &Path, config_hash:
     }
     let of_file = || log.display().to_string();
     Some(metadata.get("run").cloned().unwrap_or_else(of_file))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn behind_the_last_window_that_was_assessed_only_dropped_ones_are_met() {
+        let window = |n: u64| ("ema0".to_owned(), n);
+        // The frames of window 1 were deleted for room; 4 was assessed when 5 was dropped, and the process was killed over 6.
+        let mut run = MarkedRun {
+            decided: [1, 2, 4, 5].map(window).into(),
+            last: Some(window(4)),
+            is_ended: false,
+        };
+        let met: Vec<u64> = (2..9).filter(|n| run.came_to(&window(*n))).collect();
+        assert_eq!(met, [2, 3, 4, 5], "3 has lost its mark alone");
+        let mut killed_at_once = MarkedRun::default();
+        assert!(!killed_at_once.came_to(&window(0)));
+    }
 }

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a failed step of a test ends it")]
 
 use std::future::pending;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use ema_models::reference::{Actuations, Scenario};
@@ -11,12 +11,14 @@ use ema_wire::ActuatorId;
 use hmd::daemon::Daemon;
 use hmd::replay::Replay;
 use hmd_core::config::{Config, Limits};
+use hmd_core::frame::{BusNames, RawFrame};
 use hmd_ingest::feed::Input;
 use hmd_ingest::live::LiveSource;
 use hmd_lab::simulate::{EPOCH_NS, traffic};
 use hmd_storage::calibration_file::{hash_of_models, hash_of_models_of_run};
 use hmd_storage::config_file::load_config;
 use hmd_storage::recorder::{Recorder, metadata};
+use hmd_storage::segment_store::raw_segments;
 
 use super::folder::Folder;
 use super::lines::Lines;
@@ -29,8 +31,8 @@ fn run(config: &Arc<Config>, actuations: u32, output: &Path) -> (Vec<String>, Ve
     run_from(EPOCH_NS, config, actuations, recorder)
 }
 
-/// The same from a time on, UTC ns.
-fn run_from(from_ns: u64, config: &Arc<Config>, actuations: u32, recorder: Recorder) -> (Vec<String>, Vec<String>) {
+/// Frames of so many healthy actuations of a unit, from a time on, UTC ns.
+fn frames_from(from_ns: u64, actuations: u32) -> Vec<RawFrame> {
     let mut params = ActuatorParams::bench();
     params.sensors.sample_rate = 400.0;
     let scenario = Scenario {
@@ -40,7 +42,12 @@ fn run_from(from_ns: u64, config: &Arc<Config>, actuations: u32, recorder: Recor
         },
         ..Scenario::new(params, FaultVector::NOMINAL, u64::from(actuations))
     };
-    let frames: Vec<_> = traffic(&scenario, ActuatorId::new(0).unwrap(), from_ns).collect();
+    traffic(&scenario, ActuatorId::new(0).unwrap(), from_ns).collect()
+}
+
+/// The same as [`run`] from a time on, UTC ns.
+fn run_from(from_ns: u64, config: &Arc<Config>, actuations: u32, recorder: Recorder) -> (Vec<String>, Vec<String>) {
+    let frames = frames_from(from_ns, actuations);
     let lines = Lines::default();
     let daemon = Daemon {
         sources: vec![(
@@ -389,4 +396,47 @@ fn a_replay_of_two_runs_learns_as_they_did() {
     };
     replay.run(&mut &lines).unwrap();
     assert_eq!(lines.health(), live);
+}
+
+/// A capture lacks the windows that its unit was learnt from.
+#[test]
+fn a_capture_is_assessed_by_what_was_learnt_of_its_unit() {
+    let folder = Folder::new();
+    folder.write("hmd.toml", format!("{CONFIG}[rul]\nevents = \"events.jsonl\"\n"));
+    let config = Arc::new(load_config(folder.path("hmd.toml")).unwrap());
+    run(&config, 5, &folder.path("first.mcap"));
+    let captured = |from_ns: u64, name: &str| {
+        let about = metadata(&config, "test", SEED);
+        let limits = Limits::new(1_000_000, 3600, 1000, 0);
+        let mut recorder = Recorder::open_folder(&folder.path(name), &about, limits).unwrap();
+        let mut names = BusNames::new();
+        names.intern("can0").unwrap();
+        recorder.begin_capture("asked for");
+        for frame in frames_from(from_ns, 1) {
+            recorder.write_frame(&frame, &names).unwrap();
+        }
+        recorder.finish().unwrap();
+        let raw = raw_segments(&folder.path(name)).unwrap();
+        raw.into_values().map(|raw| raw.path).collect::<Vec<_>>()
+    };
+    let replayed = |logs: &[PathBuf]| {
+        let (lines, config) = (Lines::default(), config.clone());
+        let replay = Replay {
+            logs,
+            output: None,
+            config,
+            seed: SEED,
+        };
+        replay.run(&mut &lines).unwrap();
+        lines.health().remove(0)
+    };
+    let before = captured(EPOCH_NS - 2 * MINUTE_NS, "before");
+    for logs in [&before, &captured(EPOCH_NS + MINUTE_NS, "after")] {
+        let line = replayed(logs);
+        assert!(!line.contains("learning") && line.contains("\"window\":0,"), "{line}");
+    }
+    // What was learnt is of another unit.
+    folder.done(&format!("event --reset flap -c hmd.toml --at {}", EPOCH_NS - MINUTE_NS));
+    let line = replayed(&before);
+    assert!(line.contains("learning, 1 of 5 windows"), "{line}");
 }

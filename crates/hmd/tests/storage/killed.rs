@@ -103,7 +103,7 @@ fn a_replay_of_runs_that_were_killed_gives_their_lines_and_those_of_the_next_one
     let root = tempfile::tempdir().unwrap();
     let at = |n: usize| root.path().join(n.to_string());
     fs::create_dir(at(0)).unwrap();
-    let text = "[rul]\nstate = \"histories\"\n[identification]\npopulation = 8\ngenerations = 1\n\
+    let text = "[rul]\nstate = \"histories\"\nevents = \"events.jsonl\"\n[identification]\npopulation = 8\ngenerations = 1\n\
                 [type.slow]\nbased_on = \"bench\"\n[type.slow.sensors]\nsample_rate_hz = 400\n\
                 [[actuator]]\nid = 0\nname = \"ema0\"\ntype = \"slow\"\n";
     fs::write(at(0).join("hmd.toml"), text).unwrap();
@@ -145,4 +145,16 @@ fn a_replay_of_runs_that_were_killed_gives_their_lines_and_those_of_the_next_one
     let logs: Vec<_> = raw_segments(&at(0).join("segments")).unwrap().into_values().collect();
     let logs: Vec<_> = logs.into_iter().map(|segment| segment.path).collect();
     assert_eq!(replayed(&logs), live[..3]);
+    // An event that is dated back says what the daemon, which has assessed these windows, does not assess again.
+    let warned = |at_ns: u64| {
+        let at = format!("event --reset ema0 -c hmd.toml --at {at_ns}");
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_hmd"));
+        let ended = command.args(at.split(' ')).current_dir(&last).output().unwrap();
+        assert!(ended.status.success());
+        String::from_utf8(ended.stderr)
+            .unwrap()
+            .contains("a replay resets it from then on")
+    };
+    let newest_ns = all[all.len() - 1].stamp_ns;
+    assert_eq!([newest_ns - 10_000_000_000, newest_ns].map(warned), [true, false]);
 }

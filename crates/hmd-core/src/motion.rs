@@ -59,13 +59,6 @@ pub(crate) fn mean_speed(job: &WindowJob) -> f64 {
     sum / count.max(1.0)
 }
 
-/// Sign of the motor's travel from the first to the last sample.
-pub(crate) fn travel_sign(job: &WindowJob) -> f64 {
-    let counts = |sample: Option<&SensedSample>| sample.map_or(0, |sample| sample.motor_counts);
-    let samples = &job.window.samples;
-    counts(samples.last()).saturating_sub(counts(samples.first())).signum() as f64
-}
-
 /// Factor on the sigma of friction in motion one way, which shows friction and load together; of units commissioned by steps, also where the load
 /// is read: 2 of 26 windows of `bench` with a worn friction end 4.7 sigmas off without.
 pub(crate) const ONE_WAY_FACTOR: f64 = 2.0;

@@ -3,15 +3,13 @@
 //! A window that accuses a part, or that no fault explains, is estimated again without a reading, or with another one. The better
 //! explanation wins; where both explain the window alike and differ in what they accuse, the window accuses nothing.
 
-use std::ops::RangeInclusive;
-
 use ema_models::{DriveKind, FaultId, REFERENCE_TEMPERATURE_DEG_C};
 
 use super::correction::{Correction, LINK_POSSIBLE};
 use super::findings::torque_ratio;
 use super::suspect::{Suspect, Suspicion};
 use crate::health::{SIGNIFICANCE, significance};
-use crate::motion::{moves_one_way, travel_sign};
+use crate::motion::moves_one_way;
 use crate::outbox::WindowJob;
 use ema_identify::{Estimate, Inferred};
 
@@ -306,29 +304,21 @@ pub fn judge(job: &WindowJob, estimate: &Estimate, suspect: Suspect, rival: &Est
     }
 }
 
-/// Loads that take the place of a friction, as shares of the torque of its wear; shares of the healthy friction that other faults need.
-const IN_PLACE_OF_WEAR: RangeInclusive<f64> = 0.5..=3.0;
+/// Share of the healthy friction, at the output, by which two loads differ.
 const ANOTHER_LOAD: f64 = 0.15;
 
-/// Whether the load of a rival is another one than is read: one that opposes the motion as the wear does that it explains. A fit without the reading
-/// also ends at loads that explain nothing.
+/// Whether the load of a rival is another one than is read, by as much as half of the wear that it explains.
 fn is_other_load(job: &WindowJob, estimate: &Estimate, rival: &Estimate, level: f64) -> bool {
     let Some(read) = job.conditions.load_torque_nm else {
         return false;
     };
     let gear = &job.params.transmission;
-    let friction = gear.friction_dynamic * gear.gear_ratio;
-    let off = (rival.unknowns.load_torque - read) / friction.max(f64::MIN_POSITIVE);
-    if !accused(estimate, level).contains(&FaultId::Friction) {
-        return off.abs() > ANOTHER_LOAD;
-    }
-    let opposing = if moves_one_way(job) {
-        off * travel_sign(job)
+    let wear = if accused(estimate, level).contains(&FaultId::Friction) {
+        2.0 * EXPLAINED_AWAY * estimate.fault.damage_of(FaultId::Friction)
     } else {
-        off.abs()
+        ANOTHER_LOAD
     };
-    let worn = 2.0 * estimate.fault.damage_of(FaultId::Friction);
-    IN_PLACE_OF_WEAR.contains(&(opposing / worn))
+    (rival.unknowns.load_torque - read).abs() > wear * gear.friction_dynamic * gear.gear_ratio
 }
 
 /// The faults that an estimate accuses and a rival does not.

@@ -472,7 +472,7 @@ impl CommissionedRelations {
         let friction = self.balance.of(Term::DryFriction) / self.balance.of(Term::Inertia);
         let deceleration = libm::fabs(friction) / window.params().transmission.gear_ratio;
         let transmission = &self.residual[Relation::Transmission as usize];
-        let holding = 0.5 * libm::fabs(self.balance.of(Term::DryFriction)) * window.params().transmission.gear_ratio;
+        let holding = libm::fabs(self.balance.of(Term::DryFriction)) * window.params().transmission.gear_ratio;
         let flanks = Flanks::of(window, &load, holding);
         let torque = Residual {
             rms: residual_rms,

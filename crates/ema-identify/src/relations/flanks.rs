@@ -10,7 +10,7 @@ const SHOWN_WIDTHS: f64 = 10.0;
 
 /// How far the motor drives in a window, rad at the output.
 ///
-/// A load beyond half of the dry friction presses the output against one flank, and it may follow the motor through every reversal there,
+/// A load beyond the dry friction presses the output against one flank, and it may follow the motor through every reversal there,
 /// however wide the play is. Motion away from that flank shows nothing of the other one. Where the load is smaller, or is driven
 /// against, each direction has its flank. Derived here.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -68,8 +68,8 @@ mod tests {
 
     use super::*;
 
-    /// Half of the dry friction of `bench` at the output, Nm.
-    const HOLDING: f64 = 7.5;
+    /// Dry friction of `bench` at the output, Nm.
+    const HOLDING: f64 = 15.0;
 
     /// A window that moves from one output angle to the next, rad, at 1 rad/s.
     fn flanks(angles: &[f64], load: OutputLoad) -> Flanks {

@@ -99,7 +99,7 @@ mod tests {
             let long = flanks(&[0.0, 0.2, 0.0], load);
             assert_eq!(long.are_shown(), shown, "{constant}");
             assert_eq!(long.may_be_held(), !shown, "{constant}");
-            assert_eq!(flanks(&[0.0, 0.2, 0.1995], load).are_shown(), shown, "{constant}");
+            assert_eq!(flanks(&[0.0, 0.2, 0.1985], load).are_shown(), shown, "{constant}");
             let other_side = OutputLoad {
                 constant: -constant,
                 ..load

@@ -40,7 +40,7 @@ fn a_wrong_load_is_no_friction() {
     let [status, faults, reason] = ramp(-6.0, 0.0);
     assert_eq!((status.as_str(), faults.as_str()), ("degraded", ""), "{reason}");
     assert!(
-        reason.contains("friction 0.") && reason.contains("by the load as it is read alone, 0.0 N m: with "),
+        reason.contains("friction 0.") && reason.contains("by the reading of the load alone, 0.0 N m"),
         "{reason}"
     );
     assert!(!reason.contains("load sensor"), "{reason}");

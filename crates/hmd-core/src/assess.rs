@@ -33,7 +33,7 @@ use ema_identify::{Estimate, Fit, Identifier, Method, Population, Prepared};
 use explained::Explained;
 use records::{health_record, rul_record, sensors_record, shortened_record, window_record};
 
-pub(crate) use by_unit::{needed_in_words, widened_one_way};
+pub(crate) use by_unit::needed_in_words;
 pub use ema_identify::LOCKED;
 
 pub use conditions::{conditions, motor_knowledge_at, motor_within};

@@ -249,7 +249,7 @@ fn by_monitor(
 }
 
 /// An estimate of the monitor with the sigma of its friction in the motion of its window.
-pub(crate) fn widened_one_way(job: &WindowJob, found: UnitEstimate) -> UnitEstimate {
+fn widened_one_way(job: &WindowJob, found: UnitEstimate) -> UnitEstimate {
     if moves_one_way(job) {
         found.widened_in(&[FaultId::Friction], ONE_WAY_FACTOR)
     } else {

@@ -120,7 +120,7 @@ impl Assessor {
                 }
                 Competitors::Best(Some((Verdict::Undecided, _, of_rival))) => {
                     let hidden = accused_by_reading(&assessed.estimate, &of_rival.estimate, self.watch_level());
-                    reasons.push(told_by_load_alone(&corrected, &assessed, &of_rival, &hidden));
+                    reasons.push(told_by_load_alone(&corrected, &assessed, &hidden));
                     assessed = assessed.without(&hidden);
                 }
                 Competitors::Best(Some((Verdict::Worse, ..)) | None) => {}
@@ -370,16 +370,15 @@ impl Assessor {
 }
 
 /// Why faults that only the reading of the load accuses are not shown.
-fn told_by_load_alone(job: &WindowJob, assessed: &Assessed, without: &Assessed, faults: &[FaultId]) -> String {
+fn told_by_load_alone(job: &WindowJob, assessed: &Assessed, faults: &[FaultId]) -> String {
     let named = faults.iter().map(|fault| {
         let damage = assessed.estimate.fault.damage_of(*fault);
         format!("{} {damage:.2}", fault.name())
     });
     format!(
-        "{} by the load as it is read alone, {:.1} N m: with {:.1} N m the motion fits as well",
+        "{} by the reading of the load alone, {:.1} N m: without it the motion does not show that",
         named.collect::<Vec<String>>().join(", "),
         job.conditions.load_torque_nm.unwrap_or(0.0),
-        without.estimate.unknowns.load_torque
     )
 }
 

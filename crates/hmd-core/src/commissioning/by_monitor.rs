@@ -7,11 +7,12 @@ use ema_identify::unit_estimate::{USUAL_COST, corrected};
 use ema_identify::unit_fit::WINDOWS_MIN;
 use ema_identify::unit_parameters_fit::fit_unit_parameters;
 use ema_identify::{Estimate, Identifier};
-use ema_models::{Conditions, Tolerances};
+use ema_models::{Conditions, FaultId, Tolerances};
 
 use super::evidence::Evidence;
 use super::{CommissioningError, FarParameter, TOLERANCES_MAX};
-use crate::assess::{AssessError, Assessor, conditions, widened_one_way};
+use crate::assess::{AssessError, Assessor, conditions};
+use crate::motion::moves_one_way;
 use crate::outbox::WindowJob;
 use crate::outliers::identify_without_outliers;
 
@@ -69,12 +70,15 @@ pub(super) fn learn_monitor(
     let of_unit: Vec<Estimate> = estimates
         .iter()
         .zip(&*jobs)
-        .map(|(estimate, job)| {
-            let found = corrected(&unit, estimate.clone(), job.params.sensors.sample_rate);
-            widened_one_way(job, found).estimate
-        })
+        .map(|(estimate, job)| corrected(&unit, estimate.clone(), job.params.sensors.sample_rate).estimate)
         .collect();
-    let sigmas: Vec<_> = of_unit.iter().map(|estimate| estimate.sigma).collect();
+    let mut sigmas: Vec<_> = of_unit.iter().map(|estimate| estimate.sigma).collect();
+    for (sigma, job) in sigmas.iter_mut().zip(&*jobs) {
+        // Windows with worn friction would show it by the reading of the load alone, and so not at all.
+        if moves_one_way(job) {
+            sigma[FaultId::Friction.parameter()] = None;
+        }
+    }
     let explained = of_unit.iter().filter(|estimate| !estimate.is_unmodelled()).count();
     Ok(Some(MonitorLearnt {
         evidence: Evidence::new(&sigmas, explained),

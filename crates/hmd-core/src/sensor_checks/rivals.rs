@@ -290,35 +290,31 @@ pub fn judge(job: &WindowJob, estimate: &Estimate, suspect: Suspect, rival: &Est
         return verdict;
     }
     let accuses = |estimate: &Estimate| accused(estimate, level).contains(&FaultId::Friction);
+    // Along the valley of load and friction a fit ends anywhere: where it ends says nothing of the reading.
+    let is_friction_of_one_way = moves_one_way(job) && accuses(estimate);
     let hides_friction = || {
-        moves_one_way(job)
-            && accuses(estimate)
+        is_friction_of_one_way
             && !rival.is_unmodelled()
             && !(accuses(rival) && rival.sigma[FaultId::Friction.parameter()].is_some())
             && rival.cost < ALIKE * estimate.cost
     };
-    if (verdict == Verdict::Alike || hides_friction()) && is_other_load(job, estimate, rival, level) {
+    let is_alike = || verdict == Verdict::Alike && (is_friction_of_one_way || is_other_load(job, rival));
+    if is_alike() || hides_friction() {
         Verdict::Undecided
     } else {
         Verdict::Worse
     }
 }
 
-/// Share of the healthy friction, at the output, by which two loads differ.
+/// Share of the friction at the output by which two loads differ.
 const ANOTHER_LOAD: f64 = 0.15;
 
-/// Whether the load of a rival is another one than is read, by as much as half of the wear that it explains.
-fn is_other_load(job: &WindowJob, estimate: &Estimate, rival: &Estimate, level: f64) -> bool {
-    let Some(read) = job.conditions.load_torque_nm else {
-        return false;
-    };
+/// Whether the load of a rival is another one than is read.
+fn is_other_load(job: &WindowJob, rival: &Estimate) -> bool {
     let gear = &job.params.transmission;
-    let wear = if accused(estimate, level).contains(&FaultId::Friction) {
-        2.0 * EXPLAINED_AWAY * estimate.fault.damage_of(FaultId::Friction)
-    } else {
-        ANOTHER_LOAD
-    };
-    (rival.unknowns.load_torque - read).abs() > wear * gear.friction_dynamic * gear.gear_ratio
+    let least = ANOTHER_LOAD * gear.friction_dynamic * gear.gear_ratio;
+    let read = job.conditions.load_torque_nm;
+    read.is_some_and(|read| (rival.unknowns.load_torque - read).abs() > least)
 }
 
 /// The faults that an estimate accuses and a rival does not.

@@ -211,7 +211,7 @@ mod tests {
             (2.5, Some("ms")),
             (2500.0, Some("us")),
             (2.5e6, Some("ns")),
-            (0.05, None),
+            (0.03, None),
             (0.0, None),
             (f64::NAN, None),
         ] {

@@ -69,7 +69,12 @@ fn a_unit_that_was_commissioned_by_steps_hides_no_friction_and_accuses_no_load_s
     let folder = Folder::new();
     folder.write("hmd.toml", "[[actuator]]\nid = 0\ncalibration = \"unit.toml\"\n");
     folder.done("simulate --noise 0.03 --profile step --windows 10 --seed 9 -o healthy.log");
-    folder.done("calibrate healthy.log -o unit.toml");
+    let ended = folder.hmd("calibrate healthy.log -o unit.toml");
+    assert!(
+        ended.stderr.contains("friction not shown by these windows"),
+        "{}",
+        ended.stderr
+    );
     for faults in ["--fault friction=0.2", "--fault friction=0.09 --fault backlash=0.06"] {
         folder.done(&format!(
             "simulate --noise 0.03 --profile step --windows 4 --seed 45 {faults} -o worn.log"

@@ -18,6 +18,9 @@ const CURRENT_SHARE: f64 = 0.05;
 const FAST_THRESHOLDS: f64 = 0.1;
 const FAST_COUNTS: f64 = 6.0;
 
+/// Halves of the rest without that travel after which a motion is over, and another may begin: an oscillation turns back sooner.
+const OVER: usize = 10;
+
 /// Watches the samples of one actuator that lie in no window.
 #[derive(Clone, Debug)]
 pub struct UncutMotions {
@@ -30,8 +33,8 @@ pub struct UncutMotions {
     counts: VecDeque<i64>,
     half: usize,
     last_seq: Option<u64>,
-    /// Whether the motor stood or crept since the last window.
-    was_slow: bool,
+    /// Samples since the motor was fast, or in a window.
+    slow: usize,
     motion: Option<Motion>,
     number: u64,
 }
@@ -59,7 +62,7 @@ impl UncutMotions {
             counts: VecDeque::with_capacity(half + 1),
             half,
             last_seq: None,
-            was_slow: false,
+            slow: 0,
             motion: None,
             number: 0,
         }
@@ -74,37 +77,38 @@ impl UncutMotions {
             .is_none_or(|last| last.wrapping_add(1) != seq)
         {
             self.counts.clear();
-            self.motion = None;
+            (self.motion, self.slow) = (None, 0);
         }
         if self.counts.len() > self.half {
             self.counts.pop_front();
         }
         self.counts.push_back(sample.motor_counts);
         if is_in_window {
-            (self.motion, self.was_slow) = (None, false);
-            return None;
+            // The motion that began the window has hardly any travel yet.
+            self.slow = 0;
+            return self.end_motion();
         }
         let from = *self.counts.front().filter(|_| self.counts.len() > self.half)?;
         let is_fast = self.rad(from, sample.motor_counts) > self.fast_rad;
+        let slow_before = self.slow;
+        self.slow = if is_fast { 0 } else { self.slow + 1 };
+        let over = OVER * self.half;
         match &mut self.motion {
-            None if !is_fast => self.was_slow = true,
-            // Behind a window it goes on.
-            None if !self.was_slow => {}
-            None => {
+            // One that goes on behind a window is part of it.
+            None if is_fast && slow_before >= over => {
                 self.motion = Some(Motion {
                     from,
                     travel_rad: 0.0,
                     current_max_a: 0.0,
                 });
             }
+            None => {}
+            Some(_) if self.slow > over => return self.end_motion(),
             Some(motion) => {
                 let travel = motion.from.abs_diff(sample.motor_counts) as f64 * self.rad_per_motor_count;
                 motion.travel_rad = motion.travel_rad.max(travel);
                 let current = sample.currents.iter().fold(0.0_f64, |max, i| max.max(i.abs()));
                 motion.current_max_a = motion.current_max_a.max(current);
-                if !is_fast {
-                    return self.end_motion();
-                }
             }
         }
         None
@@ -115,7 +119,7 @@ impl UncutMotions {
         let first = self.end_motion();
         let number = std::mem::take(&mut self.number);
         self.counts.clear();
-        (self.last_seq, self.was_slow) = (None, false);
+        (self.last_seq, self.slow) = (None, 0);
         if number < 2 {
             return first;
         }
@@ -182,6 +186,12 @@ mod tests {
             one[0].starts_with("no window, while the output turned by 0.2") && one[0].ends_with("and it did not"),
             "{one:?}"
         );
+        let back_and_forth = |seq: u64| match seq {
+            500..1500 => 2500 + 500 * ((seq - 500) % 200).min(200 - (seq - 500) % 200),
+            _ => 5 * seq.min(500),
+        };
+        let back_and_forth = said(|seq| back_and_forth(seq).cast_signed(), 2.0, None);
+        assert_eq!(back_and_forth.len(), 1, "{back_and_forth:?}");
         let two = said(
             |seq| creeps_and_moves(seq, 200) + creeps_and_moves(seq, 1200),
             2.0,

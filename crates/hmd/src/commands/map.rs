@@ -49,8 +49,8 @@ fn configuration(log: &str, survey: &Survey) -> Result<String, std::fmt::Error> 
     )?;
     writeln!(out, "[map]")?;
     let guesses = Guesses::of(&survey.signals);
-    let continuous = guesses.meant.iter().filter(|(quantity, _)| quantity.is_continuous());
-    if has_several_rates(continuous.map(|(_, signal)| *signal)) {
+    let continuous = Quantity::all().filter(Quantity::is_continuous);
+    if has_several_rates(continuous.filter_map(|quantity| guesses.written(quantity))) {
         writeln!(out, "# Currents and angles have several rates: they are interpolated.")?;
         writeln!(out, "resample = true")?;
     } else if !has_all_continuous(&guesses) && has_several_rates(&survey.signals) {
@@ -126,6 +126,11 @@ impl<'a> Guesses<'a> {
     fn meant(&self, of: Quantity) -> Option<&'a SurveyedSignal> {
         let found = self.meant.iter().find(|(quantity, _)| *quantity == of);
         found.map(|(_, signal)| *signal)
+    }
+
+    /// The same, where it is no comment alone.
+    fn written(&self, of: Quantity) -> Option<&'a SurveyedSignal> {
+        self.meant(of).filter(|signal| self.why_not(of, signal).is_none())
     }
 
     /// Names of others that it may be.
@@ -222,7 +227,7 @@ const OWN_TYPE: &str = "\
 
 /// Whether currents and both angles look like ones.
 fn has_all_continuous(guesses: &Guesses<'_>) -> bool {
-    let has = |quantity: Quantity| guesses.meant(quantity).is_some();
+    let has = |quantity: Quantity| guesses.written(quantity).is_some();
     let angles = [Role::MotorPosition, Role::OutputPosition];
     (has(Quantity::CurrentQ) || has(Quantity::Of(Role::CurrentA)))
         && angles.into_iter().all(|role| has(Quantity::Of(role)))

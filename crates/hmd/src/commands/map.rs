@@ -473,7 +473,7 @@ mod tests {
     }
 
     #[test]
-    fn an_electrical_angle_is_offered_with_its_scale_and_counts_among_the_rates() {
+    fn an_electrical_angle_is_offered_with_its_scale_and_rates_that_nobody_knows_with_a_comment() {
         let signals = [
             signal("FOC.Iq", "A", [-3.0, 3.0]),
             SurveyedSignal {
@@ -488,7 +488,7 @@ mod tests {
             ),
             "{text}"
         );
-        assert!(text.contains("\nresample = true\n"), "{text}");
+        assert!(text.contains("# resample = true  #"), "{text}");
         assert!(text.contains("# [type.own.motor]\n# pole_pairs = …\n"), "{text}");
     }
 

@@ -189,7 +189,8 @@ pub fn survey(path: &Path) -> Result<Survey, IngestError> {
     })
 }
 
-/// The unit in which a step of the time gives a rate that a type may have; at most one does.
+/// The unit in which a step of the time gives a rate that a type may have; at most one does. Parts of a second alone have parts: a step of
+/// 0.1 is 10 Hz, which is no such rate, and not 10 kHz.
 fn unit_of_time(step: f64) -> Option<String> {
     /// Rates of samples, Hz (`sample_rate_hz`).
     const RATES: std::ops::RangeInclusive<f64> = 50.0..=20_000.0;
@@ -197,7 +198,8 @@ fn unit_of_time(step: f64) -> Option<String> {
         let to_us = Dimension::Time.unit(unit);
         to_us.is_some_and(|unit| RATES.contains(&(1e6 / (step * unit.scale))))
     };
-    ["s", "ms", "us", "ns"].into_iter().find(is_usual).map(str::to_owned)
+    let found = ["s", "ms", "us", "ns"].into_iter().find(is_usual);
+    found.filter(|unit| *unit == "s" || step >= 1.0).map(str::to_owned)
 }
 
 #[cfg(test)]
@@ -212,6 +214,8 @@ mod tests {
             (2500.0, Some("us")),
             (2.5e6, Some("ns")),
             (0.03, None),
+            (0.05, None),
+            (0.1, None),
             (0.0, None),
             (f64::NAN, None),
         ] {

@@ -438,8 +438,12 @@ fn of_relations(
     sound: Option<&MonitorLearnt>,
 ) -> Choice {
     if let Some(monitor) = sound {
-        let is_better = monitor.evidence.is_clearly_better_somewhere(&relations.evidence);
-        let is_worse = monitor.evidence.is_worse_somewhere(&relations.evidence);
+        let mut of_monitor = monitor.evidence.clone();
+        if relations.is_play_closed() {
+            of_monitor.hide([FaultId::Backlash].iter());
+        }
+        let is_better = of_monitor.is_clearly_better_somewhere(&relations.evidence);
+        let is_worse = of_monitor.is_worse_somewhere(&relations.evidence);
         let reason = format!(
             "the monitor shows {} of {} faults, the relations {}",
             monitor.evidence.shown(),
@@ -450,7 +454,7 @@ fn of_relations(
             return Choice::new(UnitEstimator::Monitor, reason, &monitor.evidence);
         }
         if is_better {
-            let evidence = relations.evidence.of_both(&monitor.evidence);
+            let evidence = relations.evidence.of_both(&of_monitor);
             return Choice::new(UnitEstimator::Both, reason, &evidence);
         }
     }

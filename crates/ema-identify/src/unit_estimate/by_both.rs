@@ -2,10 +2,12 @@
 
 use super::UnitEstimate;
 use crate::estimate::Estimate;
-use ema_models::{FAULT_COUNT, FaultVector, Unknowns};
+use crate::relations::Needed;
+use ema_models::{FAULT_COUNT, FaultId, FaultVector, Unknowns};
 
 /// Each fault by the estimate with the smaller sigma, cost and residual by the relations; where one of the two does not explain the
-/// window, the other one alone. The monitor knows no shorted loop: with one the relations alone.
+/// window, the other one alone. The monitor knows no shorted loop: with one the relations alone. Nor does it know a load that closes the
+/// play: a backlash that needs a reversal stays unseen.
 #[must_use]
 pub fn of_both(relations: UnitEstimate, monitor: UnitEstimate) -> UnitEstimate {
     if monitor.estimate.is_unmodelled() || relations.bridge_spread.iter().any(|&spread| spread > 0.0) {
@@ -23,7 +25,9 @@ pub fn of_both(relations: UnitEstimate, monitor: UnitEstimate) -> UnitEstimate {
     } = relations;
     let (mut sigma, mut share, mut observable) = (estimate.sigma, estimate.share, estimate.observable);
     let of_monitor = monitor.estimate.fault.to_array();
-    for (from, to) in elements() {
+    let backlash = FaultId::Backlash.parameter();
+    let is_closed = needed[backlash] == Some(Needed::Reversal);
+    for (from, to) in elements().filter(|&(from, _)| !(is_closed && from == backlash)) {
         if shown(&monitor.estimate, from) < shown(&estimate, from) {
             let range = from..=to;
             k[range.clone()].copy_from_slice(&of_monitor[range.clone()]);
@@ -80,7 +84,6 @@ fn shown(estimate: &Estimate, parameter: usize) -> f64 {
 pub(super) mod tests {
     use super::*;
     use crate::estimate::UNMODELLED_COST;
-    use crate::relations::Needed;
     use ema_models::MotorDeviation;
     use std::vec::Vec;
 
@@ -144,5 +147,16 @@ pub(super) mod tests {
         let mut unmodelled = relations;
         unmodelled.estimate.cost = 2.0 * UNMODELLED_COST;
         assert_eq!(of_both(unmodelled, monitor.clone()), monitor);
+    }
+    #[test]
+    fn a_play_that_a_load_closes_is_none_of_the_monitors() {
+        let sigma = [Some(0.01); FAULT_COUNT];
+        let mut relations = estimate([0.0; FAULT_COUNT], sigma);
+        let backlash = FaultId::Backlash.parameter();
+        relations.estimate.sigma[backlash] = None;
+        relations.estimate.observable[backlash] = false;
+        relations.needed[backlash] = Some(Needed::Reversal);
+        let both = of_both(relations, estimate([0.0; FAULT_COUNT], sigma));
+        assert!(both.estimate.sigma[backlash].is_none() && both.needed[backlash] == Some(Needed::Reversal));
     }
 }

@@ -1,12 +1,12 @@
 //! The relations of one unit, and what they say of windows that were left out.
 
 use ema_identify::relations::{
-    BalanceShape, CommissionError, CommissionedRelations, Element, FRICTION_MIN_SHARE, MeasuredWindow,
+    BalanceShape, CommissionError, CommissionedRelations, Element, FRICTION_MIN_SHARE, MeasuredWindow, Needed,
     RelationsEstimate, SinceCommissioning, Term, coarse_torque_error, commission, commission_as,
 };
 use ema_identify::unit_calibration::{Seen, UnitParameter, UnitRelations, nominal_elements};
 use ema_identify::unit_estimate::{AlignedWindow, estimate_by_relations};
-use ema_models::{FaultVector, SensedSample};
+use ema_models::{FaultId, FaultVector, SensedSample};
 
 use super::evidence::Evidence;
 use super::{FarParameter, PLAY, TOLERANCES_MAX};
@@ -103,6 +103,16 @@ pub(super) fn learn_relations(jobs: &[WindowJob], seen: &Seen) -> Result<Relatio
 const ECCENTRICITY: usize = FaultVector::ECCENTRICITY_PHASE_INDEX - 1;
 
 impl RelationsLearnt {
+    /// Whether a load closes the play in most windows, or nothing turns back in them: the monitor, which knows no such load, shows it no more.
+    pub(super) fn is_play_closed(&self) -> bool {
+        let backlash = FaultId::Backlash.parameter();
+        let closed = self
+            .left_out
+            .iter()
+            .filter(|found| found.needed[backlash] == Some(Needed::Reversal));
+        2 * closed.count() > self.left_out.len()
+    }
+
     /// The first parameter that is far from the type. Torques are relative to the type's k.
     pub(super) fn far_parameter(&self, job: &WindowJob) -> Option<FarParameter> {
         let CommissionedRelations { balance, baseline, .. } = &self.unit.commissioned;

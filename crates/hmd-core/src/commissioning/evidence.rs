@@ -34,7 +34,8 @@ impl Evidence {
         let sigma = FaultId::ALL.map(|fault| {
             let shown: Vec<f64> = windows.iter().filter_map(|window| window[fault.parameter()]).collect();
             let squares: f64 = shown.iter().map(|sigma| sigma * sigma).sum();
-            (2 * shown.len() > windows.len()).then(|| fault.damage_per_change() * (squares / shown.len() as f64).sqrt())
+            (!shown.is_empty() && 2 * shown.len() >= windows.len())
+                .then(|| fault.damage_per_change() * (squares / shown.len() as f64).sqrt())
         });
         Self {
             sigma,

@@ -20,10 +20,8 @@ pub struct InferredReadings {
     pub load_by_friction: Option<[Inferred; 2]>,
     /// DC link voltage, V.
     pub dc_link: Option<Inferred>,
-    /// Torque for each read current of phase A, B, C, relative to that of the commissioned unit.
-    pub turns: Option<[Inferred; 3]>,
-    /// The least of these, of the phases that the window shows.
-    pub least_turns: Option<Inferred>,
+    /// Torque for each read current of phase A, B, C, relative to that of the commissioned unit, where the window shows it.
+    pub turns: [Option<Inferred>; 3],
     /// Friction relative to that of the commissioned unit.
     pub friction: Option<Inferred>,
 }

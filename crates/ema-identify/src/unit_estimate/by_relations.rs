@@ -138,7 +138,6 @@ fn inferred(found: &RelationsEstimate) -> InferredReadings {
     let [k1, _, a, b, c, ..] = found.k;
     let [sigma_1, _, sigma_a, sigma_b, sigma_c, ..] = found.sigma;
     let turns = |k: f64, sigma: Option<f64>| sigma.map(|sigma| Inferred { value: 1.0 - k, sigma });
-    let of_phases = [turns(a, sigma_a), turns(b, sigma_b), turns(c, sigma_c)];
     InferredReadings {
         load_torque: found.load_sigma.map(|sigma| Inferred {
             value: found.load_torque,
@@ -150,14 +149,7 @@ fn inferred(found: &RelationsEstimate) -> InferredReadings {
             value: 1.0 + 2.0 * k1,
             sigma: 2.0 * sigma,
         }),
-        turns: match of_phases {
-            [Some(a), Some(b), Some(c)] => Some([a, b, c]),
-            _ => None,
-        },
-        least_turns: of_phases
-            .into_iter()
-            .flatten()
-            .reduce(|least, x| if x.value < least.value { x } else { least }),
+        turns: [turns(a, sigma_a), turns(b, sigma_b), turns(c, sigma_c)],
     }
 }
 

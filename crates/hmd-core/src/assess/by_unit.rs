@@ -133,8 +133,10 @@ pub(super) fn estimate(
         _ => return Err(AssessError::NoEstimator(job.actuator.name.clone())),
     };
     let Some((fit, mut found)) = found else { return Ok(None) };
-    if let (Some(relations), None, false) = (&unit.relations, found.estimate.inferred.turns, effort.is_short()) {
-        // The monitor infers nothing of a commissioned unit.
+    // The monitor infers nothing of a commissioned unit.
+    if found.estimate.inferred.turns == [None; 3]
+        && let (Some(relations), false) = (&unit.relations, effort.is_short())
+    {
         let aligned = job.window.aligned(&job.params, since);
         let by_relations = estimate_by_relations(relations, &aligned, false);
         if by_relations.unexplained.is_empty() {

@@ -51,9 +51,9 @@ pub fn contradictions(
         .into_iter()
         .chain(link(job, estimate))
         .collect();
-    if let (Some(temperatures), Some(turns)) = (commissioned, estimate.inferred.turns) {
+    if let (Some(temperatures), [Some(a), Some(b), Some(c)]) = (commissioned, estimate.inferred.turns) {
         let read = job.conditions.winding_temp_deg_c;
-        let turns = turns.map(|turns| at_commissioning(turns, read, temperatures));
+        let turns = [a, b, c].map(|turns| at_commissioning(turns, read, temperatures));
         let off = if accuses_a_phase(estimate, level) {
             GAIN_OFF_BESIDE_SHORT
         } else {

@@ -331,7 +331,8 @@ const NEGATIVE_SIGMAS: f64 = 4.0;
 /// What is wrong where the motion needs a current of the other sign: the worst winding has no turns, none less than that.
 #[must_use]
 pub fn reversed_current(estimate: &Estimate) -> Option<[Suspicion; 2]> {
-    of_least_turns(estimate.inferred.least_turns?)
+    let shown = estimate.inferred.turns.into_iter().flatten();
+    of_least_turns(shown.min_by(|a, b| a.value.total_cmp(&b.value))?)
 }
 
 fn of_least_turns(turns: Inferred) -> Option<[Suspicion; 2]> {

@@ -36,8 +36,7 @@ pub(super) fn inferred(problem: &Problem<'_>, linearised: &Linearised, at: &Poin
         load_torque: load(None),
         load_by_friction: load(Some(0.0)).zip(load(Some(1.0))).map(<[Inferred; 2]>::from),
         dc_link: link,
-        turns: None,
-        least_turns: None,
+        turns: [None; 3],
         friction: None,
     }
 }

@@ -66,7 +66,8 @@ impl core::fmt::Display for HealthState {
 }
 
 /// Rules for the health of one fault: the damage, in 0…1, at which its state changes. Section `[health]` of a configuration.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
 pub struct Levels {
     /// From here on [`HealthState::Watch`].
     pub watch: f64,

@@ -359,13 +359,25 @@ impl UnitHistory {
         &self.published.in_a_row
     }
 
+    /// Serial number of the unit, if the configuration gives one.
+    #[must_use]
+    pub fn serial_number(&self) -> Option<&str> {
+        self.serial_number.as_deref()
+    }
+
+    /// Start of the last window, UTC ns; `None` before the first.
+    #[must_use]
+    pub fn last_window_ns(&self) -> Option<u64> {
+        self.last.map(|last| last.t_start_ns)
+    }
+
     /// What holds until the next window.
     pub(crate) fn resumed_state(&self) -> ResumedState {
         let mut last_window = self.published.clone();
         if last_window.states.is_none() {
             // A file of before has the states alone.
             last_window.states = Some(self.health.states());
-            last_window.t_start_ns = self.last.map_or(0, |last| last.t_start_ns);
+            last_window.t_start_ns = self.last_window_ns().unwrap_or(0);
         }
         // While the unit is learnt its history knows more than the last window told.
         let is_open = |states: [HealthState; FaultId::COUNT]| states == [HealthState::Unknown; FaultId::COUNT];

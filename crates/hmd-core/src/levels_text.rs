@@ -1,48 +1,26 @@
-//! The levels of all faults as one line of text: the metadata of a recording tell by which it was made.
+//! The levels of all faults as JSON: the metadata of a recording tell by which it was made.
+
+use std::collections::BTreeMap;
 
 use ema_models::FaultId;
 
 use crate::health::Levels;
 
-/// Levels in the order of [`FaultId::ALL`], joined by `;`; of each `watch`, `warning`, `critical`, `end_of_life`, `hysteresis` and
-/// `persistence`, joined by `,`.
+/// The levels of each fault by its name, as one line of JSON.
 #[must_use]
 pub fn levels_text(levels: &[Levels; FaultId::COUNT]) -> String {
-    let of_fault = |levels: &Levels| {
-        let Levels {
-            watch,
-            warning,
-            critical,
-            end_of_life,
-            hysteresis,
-            persistence,
-        } = levels;
-        format!("{watch},{warning},{critical},{end_of_life},{hysteresis},{persistence}")
-    };
-    levels.iter().map(of_fault).collect::<Vec<_>>().join(";")
+    let by_fault: BTreeMap<_, _> = FaultId::NAMES.into_iter().zip(levels).collect();
+    // Names and finite numbers always are JSON.
+    serde_json::to_string(&by_fault).unwrap_or_default()
 }
 
 /// The levels that [`levels_text`] wrote; `None` of any other text.
 #[must_use]
 pub fn levels_from_text(text: &str) -> Option<[Levels; FaultId::COUNT]> {
-    let of_fault = |text: &str| {
-        let mut values = text.split(',');
-        let mut number = || values.next()?.parse::<f64>().ok();
-        let [watch, warning, critical, end_of_life, hysteresis] =
-            [number()?, number()?, number()?, number()?, number()?];
-        let persistence = values.next()?.parse().ok()?;
-        let levels = Levels {
-            watch,
-            warning,
-            critical,
-            end_of_life,
-            hysteresis,
-            persistence,
-        };
-        levels.checked().ok().filter(|_| values.next().is_none())
-    };
-    let all: Option<Vec<Levels>> = text.split(';').map(of_fault).collect();
-    all?.try_into().ok()
+    let mut by_fault: BTreeMap<String, Levels> = serde_json::from_str(text).ok()?;
+    let mut of_fault = |name: &str| by_fault.remove(name)?.checked().ok();
+    let all: Option<Vec<Levels>> = FaultId::NAMES.into_iter().map(&mut of_fault).collect();
+    all.filter(|_| by_fault.is_empty())?.try_into().ok()
 }
 
 #[cfg(test)]
@@ -59,11 +37,12 @@ mod tests {
         assert_eq!(levels_from_text(&text), Some(levels));
         let refused = [
             "",
-            "0.05,0.3",
-            &text[1..].replace(';', ","),
-            &format!("{text};0.05,0.3,0.6,0.8,0.02,1"),
+            "{}",
+            &text.replace("friction", "rust"),
+            &text.replace("{\"backlash", "{\"rust\":{},\"backlash"),
             &text.replace("0.3", "NaN"),
             &text.replace("0.8", "0.1"),
+            &text.replace("hysteresis", "width"),
         ];
         for refused in refused {
             assert_eq!(levels_from_text(refused), None, "{refused}");

@@ -1,14 +1,13 @@
 //! `hmd event`: enter maintenance, so that a new unit does not inherit a trend, or ask for the frames of a time.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 
 use super::instant::instant;
 use super::{Exit, Misuse, load_config, say, warn};
 use crate::daemon::held_s;
 
-use hmd_core::config::Config;
-use hmd_core::history::{Event, EventKind, HistoryStore, ReplacedPart};
+use hmd_core::config::{ActuatorConfig, Config};
+use hmd_core::history::{Event, EventKind, ReplacedPart};
 use hmd_core::timestamp;
 use hmd_storage::clock::now_ns;
 use hmd_storage::event_file::append;
@@ -80,14 +79,12 @@ fn note(text: &str) -> Result<String, String> {
     Ok(text.to_owned())
 }
 
-/// Start of the newest window in the history of an actuator that a daemon keeps, UTC ns.
-fn newest_window_ns(config: &Config, actuator: &str) -> Option<u64> {
+/// Start of the newest window in the history of the unit that a daemon keeps, UTC ns.
+fn newest_window_ns(config: &Config, actuator: &ActuatorConfig) -> Option<u64> {
     let folder = config.resolve(config.rul().state.as_ref()?);
-    let history = history_file::load(&folder, actuator).ok()??;
-    let mut histories = HistoryStore::new(Arc::new(config.clone()));
-    histories.restore(actuator, history);
-    let newest_ns = histories.restored_states(0).next()?.1.last_window.t_start_ns;
-    Some(newest_ns)
+    let history = history_file::load(&folder, &actuator.name).ok()??;
+    let is_of_unit = history.serial_number() == actuator.serial_number.as_deref();
+    history.last_window_ns().filter(|_| is_of_unit)
 }
 
 /// Runs the verb.
@@ -104,11 +101,11 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         .into());
     };
     let (option, kind, actuator) = args.kind.chosen();
-    if config.actuator_named(actuator).is_none() {
+    let Some(of_actuator) = config.actuator_named(actuator) else {
         let known: Vec<&str> = config.actuators().iter().map(|a| a.name.as_str()).collect();
         let sentence = format!("{option}: expected one of {}, found {actuator:?}", known.join(", "));
         return Err(Misuse(sentence).into());
-    }
+    };
     let output = config.output();
     if kind == EventKind::Keep && (output.raw_frames || !output.captures) {
         let found = if output.raw_frames {
@@ -132,7 +129,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     if event.t_ns > now {
         warn(format_args!("--at: warning: {minute} UTC is still to come"));
     }
-    let newest_ns = newest_window_ns(&config, actuator);
+    let newest_ns = newest_window_ns(&config, of_actuator);
     if kind == EventKind::Reset && newest_ns.is_some_and(|newest_ns| event.t_ns <= newest_ns) {
         warn(format_args!(
             "--at: warning: {actuator} was assessed since {minute} UTC: what a daemon has said of it since then stays; a replay resets it \

@@ -4,6 +4,7 @@
 //! health state, the forecast and what limits it ([`UnitAssessment`]). A [`UnitHistory`] can be serialised and resumed; no
 //! clock, no files.
 
+mod clock_steps;
 mod functional;
 mod life_end;
 mod maintenance;
@@ -24,6 +25,7 @@ use crate::rul::{Forecast, Odometer, Prognosis};
 use crate::sensor_checks::SensorReadings;
 use crate::sensor_health::{SENSOR_QUANTITY_COUNT, SensorHealth, SensorState};
 use crate::windows_in_a_row::{News, WindowsInARow};
+use clock_steps::ClockSteps;
 use ema_identify::Fit;
 use ema_identify::unit_calibration::CommissionedSensors;
 use functional::Faults;
@@ -74,6 +76,9 @@ pub struct UnitHistory {
     /// Work of the actuations that were measured; the others count with the mean of these.
     measured: Measured,
     last: Option<Last>,
+    /// Steps of the clock that stamps the windows; older files had none.
+    #[serde(default)]
+    clock: ClockSteps,
     /// The newest fault vector.
     fault: Option<[f64; FAULT_COUNT]>,
     /// The last functional check; files of version 1 had none. The name in files is older.
@@ -152,6 +157,7 @@ impl UnitHistory {
             used: Odometer::default(),
             measured: Measured::default(),
             last: None,
+            clock: ClockSteps::default(),
             fault: None,
             last_check: None,
             sensors: SensorHealth::default(),
@@ -169,6 +175,7 @@ impl UnitHistory {
             && self.prognosis.is_possible()
             && self.urgency.is_possible()
             && self.sensors.is_possible()
+            && self.clock.is_possible()
     }
 
     /// Resumes a stored history under a configuration. The pause counts as no use; a unit with another serial number begins a
@@ -186,6 +193,7 @@ impl UnitHistory {
             hours_of: new.hours_of,
             health: self.health.with_rules_of(&new.health),
             prognosis: self.prognosis.with_end_of_life(new.prognosis.end_of_life()),
+            clock: self.clock.with_end_of_life(new.prognosis.end_of_life()),
             ..self
         };
         resumed.begin_run();
@@ -208,6 +216,7 @@ impl UnitHistory {
         self.urgency = Urgency::default();
         self.used = Odometer::default();
         self.measured = Measured::default();
+        self.clock = ClockSteps::default();
         self.sensors.forget_trends();
         let hours = self.hours_of.map_or("", HoursOf::name);
         self.notices.push(format!(
@@ -222,6 +231,8 @@ impl UnitHistory {
             self.prognosis.forget(*fault);
             self.published.forget(*fault);
         }
+        // What was known before a pause knows nothing of the new part.
+        self.clock.forget_before_pause();
         self.sensors.forget(part.sensors(), t_ns);
         if self.urgency.forget(part) {
             self.published.rul_h = [None; 3];

@@ -98,9 +98,6 @@ impl Last {
     }
 }
 
-/// A stamp that lies so far before the newest one, ns, shows that a clock was wrong. A smaller step back may be followed by one forth again.
-const CLOCK_STEP_NS: u64 = 24 * 3_600_000_000_000;
-
 impl UnitHistory {
     /// Counts hours, cycles and work.
     pub(super) fn count(&mut self, job: &WindowJob, fit: &Fit, hours_of: HoursOf) {
@@ -116,11 +113,7 @@ impl UnitHistory {
         let hours = match (hours_of, self.last) {
             (HoursOf::Operating, Some(last)) => last.operated_until(&now) / 3600.0,
             (HoursOf::Operating, None) => now.operating_s / 3600.0,
-            // A clock that was set meanwhile tells nothing of the time between.
-            (HoursOf::Elapsed, Some(last)) if is_set(last.t_start_ns) == is_set(now.t_start_ns) => {
-                now.t_start_ns.saturating_sub(last.t_start_ns) as f64 / 3600e9
-            }
-            (HoursOf::Elapsed, _) => 0.0,
+            (HoursOf::Elapsed, _) => self.elapsed_h(now.t_start_ns),
         };
         // Windows that were dropped for want of time were actuations too.
         let expected = self.last.map_or(0, |last| last.next_window);
@@ -140,7 +133,7 @@ impl UnitHistory {
             cycles: self.used.cycles + cycles,
             work_j: self.used.work_j + work_j,
         };
-        let t_start_ns = self.newest_stamp(now.t_start_ns, hours_of);
+        let t_start_ns = self.newest_stamp(now.t_start_ns);
         self.last = Some(Last { t_start_ns, ..now });
     }
 
@@ -158,29 +151,6 @@ impl UnitHistory {
             last.operating_s += rest_s;
         }
     }
-
-    /// The newest stamp after a window: what a clock that steps back and forth again has passed is counted once, but a stamp far in the
-    /// future would end the counting.
-    fn newest_stamp(&mut self, now_ns: u64, hours_of: HoursOf) -> u64 {
-        let newest_ns = self.last.map_or(0, |last| last.t_start_ns);
-        let back_ns = newest_ns.saturating_sub(now_ns);
-        // A clock that is not set yet will be.
-        if back_ns < CLOCK_STEP_NS || is_set(newest_ns) != is_set(now_ns) {
-            return newest_ns.max(now_ns);
-        }
-        if hours_of == HoursOf::Elapsed {
-            self.notices.push(format!(
-                "the clock is {:.0} h behind the newest window: elapsed hours count from here on, nothing for the step",
-                back_ns as f64 / 3600e9
-            ));
-        }
-        now_ns
-    }
-}
-
-/// Whether a clock shows a time since 2000: one without a battery begins in 1970.
-fn is_set(stamp_ns: u64) -> bool {
-    stamp_ns >= 946_684_800_000_000_000
 }
 
 /// Work of the motor in a window, `Σ |k_t i_q ω| Δt`, J; `None` where the window was not identified.

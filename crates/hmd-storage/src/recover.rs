@@ -4,7 +4,7 @@
 //! and reported. The result has a summary again, so that any reader takes it. Bounded like the reader below
 //! ([`McapMessages`]), with a list of at most [`LISTED_MAX`] losses.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::io::{self, Read, Seek, Write};
 use std::sync::Arc;
 
@@ -12,7 +12,6 @@ use mcap::records::{MessageHeader, Metadata};
 use mcap::{McapError, Writer};
 
 use crate::mcap::channels::Channel;
-use crate::mcap::messages::McapMetadata;
 use crate::mcap::{McapFault, McapFrames, McapLoss, McapMessage, McapMessages};
 use crate::mcap_writer::{root_cause, write_options};
 use hmd_core::frame::BusNames;
@@ -20,6 +19,9 @@ use hmd_core::metadata_checksum::is_sealed;
 
 /// Most losses that are listed; the others are counted.
 pub const LISTED_MAX: usize = 1000;
+
+/// Name of the metadata record of a copy that lacks parts of its original: `damaged_places` and `attachments_lost`, counted.
+pub const RECOVERED_NAME: &str = "hmd.recovered";
 
 /// Library in the header of a copy of a file that another program wrote.
 const LIBRARY_OF_OTHERS: &str = concat!("hmd-recover/", env!("CARGO_PKG_VERSION"));
@@ -80,7 +82,8 @@ impl Recovered {
     }
 }
 
-/// Writes what is intact in `input` to `out` as a finished file with this `profile` in its header.
+/// Writes what is intact in `input` to `out` as a finished file with this `profile` in its header; where that is not all, with the metadata
+/// record [`RECOVERED_NAME`].
 ///
 /// # Errors
 /// [`RecoverError`]; damage of the input is none, it is in the report.
@@ -90,10 +93,19 @@ pub fn recover<R: Read + Seek, W: Write + Seek>(
     out: W,
     profile: &str,
 ) -> Result<(W, Recovered), RecoverError> {
-    recover_within(input, file, out, profile, u64::MAX)
+    let (mut copy, report) = copy_intact(input, file, out, profile, u64::MAX)?;
+    if !report.is_intact() {
+        let counts = [
+            ("damaged_places", report.losses_total),
+            ("attachments_lost", report.attachments_lost),
+        ];
+        let content = counts.map(|(key, count)| (key.to_owned(), count.to_string()));
+        copy.metadata(RECOVERED_NAME, content.into())?;
+    }
+    Ok((copy.finish()?, report))
 }
 
-/// The same, given up when the chunks expand to more than `expanded_max` bytes.
+/// The same without that record, given up when the chunks expand to more than `expanded_max` bytes.
 pub(crate) fn recover_within<R: Read + Seek, W: Write + Seek>(
     input: R,
     file: &str,
@@ -101,6 +113,17 @@ pub(crate) fn recover_within<R: Read + Seek, W: Write + Seek>(
     profile: &str,
     expanded_max: u64,
 ) -> Result<(W, Recovered), RecoverError> {
+    let (copy, report) = copy_intact(input, file, out, profile, expanded_max)?;
+    Ok((copy.finish()?, report))
+}
+
+fn copy_intact<R: Read + Seek, W: Write + Seek>(
+    input: R,
+    file: &str,
+    out: W,
+    profile: &str,
+    expanded_max: u64,
+) -> Result<(Copy<W>, Recovered), RecoverError> {
     let messages = McapMessages::new(input, file).map_err(|cause| RecoverError::Input {
         file: file.to_owned(),
         cause,
@@ -124,7 +147,7 @@ pub(crate) fn recover_within<R: Read + Seek, W: Write + Seek>(
     loop {
         for metadata in &messages.all_metadata()[seen..] {
             if is_sealed(&metadata.name, &metadata.content) {
-                copy.metadata(metadata)?;
+                copy.metadata(&metadata.name, metadata.content.clone())?;
                 report.metadata += 1;
             } else {
                 unsealed.push(metadata.clone());
@@ -143,7 +166,7 @@ pub(crate) fn recover_within<R: Read + Seek, W: Write + Seek>(
     }
     for metadata in unsealed {
         if messages.all_verified() {
-            copy.metadata(&metadata)?;
+            copy.metadata(&metadata.name, metadata.content)?;
             report.metadata += 1;
         } else {
             report.lose(McapLoss {
@@ -157,10 +180,7 @@ pub(crate) fn recover_within<R: Read + Seek, W: Write + Seek>(
     report.chunks = messages.chunks();
     report.expanded_bytes = messages.expanded_bytes();
     report.last_chunk_at = copy.chunk_at;
-    copy.writer.finish()?;
-    let mut out = copy.writer.into_inner();
-    out.flush().map_err(McapError::from)?;
-    Ok((out, report))
+    Ok((copy, report))
 }
 
 /// Raw frames in a file, and how many are missing between them by their count.
@@ -228,10 +248,17 @@ impl<W: Write + Seek> Copy<W> {
         Ok(id)
     }
 
-    fn metadata(&mut self, metadata: &McapMetadata) -> Result<(), McapError> {
+    fn metadata(&mut self, name: &str, content: BTreeMap<String, String>) -> Result<(), McapError> {
         self.writer.write_metadata(&Metadata {
-            name: metadata.name.clone(),
-            metadata: metadata.content.clone(),
+            name: name.to_owned(),
+            metadata: content,
         })
+    }
+
+    fn finish(mut self) -> Result<W, McapError> {
+        self.writer.finish()?;
+        let mut out = self.writer.into_inner();
+        out.flush()?;
+        Ok(out)
     }
 }

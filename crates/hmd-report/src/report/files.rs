@@ -17,6 +17,7 @@ use hmd_core::record::{Health, Log, Record, Rul, Sensors, Status, Window};
 use hmd_ingest::file::open_recorded;
 use hmd_storage::mcap::{McapLoss, McapMessages, NoWindows};
 use hmd_storage::mcap_writer::METADATA_NAME;
+use hmd_storage::recover::RECOVERED_NAME;
 
 /// Why there is no report.
 #[derive(Debug, thiserror::Error)]
@@ -59,7 +60,7 @@ pub struct Source {
     pub metadata: BTreeMap<String, String>,
     /// Counts at its end.
     pub status: Status,
-    /// Parts of the file were damaged.
+    /// Parts of the file are damaged, or were in the one that it is a copy of.
     pub damaged: bool,
 }
 
@@ -138,6 +139,7 @@ impl Files {
                 }
             }
             files.nothing.note(&messages);
+            source.damaged |= messages.metadata(RECOVERED_NAME).is_some();
             match messages.verified_metadata(METADATA_NAME) {
                 Ok(metadata) => source.metadata = metadata.cloned().unwrap_or_default(),
                 Err(loss) => {

@@ -374,16 +374,23 @@ fn the_verb_says_what_is_lost_and_exits_with_3() {
     let folder = tempfile::tempdir().unwrap();
     let [log, out] = ["cut.mcap", "out.mcap"].map(|name| folder.path().join(name));
     let file = recording();
-    let run = |args: &[&std::path::Path]| {
+    let verb = |verb: &str, args: &[&std::path::Path]| {
         let output = Command::new(env!("CARGO_BIN_EXE_hmd"))
-            .arg("recover")
+            .arg(verb)
             .args(args)
             .output()
             .unwrap();
         let text = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());
         (output.status.code(), text)
     };
+    let run = |args: &[&std::path::Path]| verb("recover", args);
     let dash_o = std::path::Path::new("-o");
+    let page = folder.path().join("page.html");
+    let is_missed_by_the_page = || {
+        verb("report", &[&out, dash_o, &page]);
+        let page = std::fs::read_to_string(&page).unwrap();
+        page.contains("Parts of a recording are missing or damaged")
+    };
 
     std::fs::write(&log, &file).unwrap();
     let (code, [summary, lost]) = run(&[&log, dash_o, &out]);
@@ -392,6 +399,7 @@ fn the_verb_says_what_is_lost_and_exits_with_3() {
         summary.contains("kept 6 chunks with 9 messages and 8000 raw frames, and 1 metadata record"),
         "{summary}"
     );
+    assert!(!is_missed_by_the_page());
 
     let mut damaged = file[..file.len() - 9].to_vec();
     damaged[chunks(&file)[2].start + 500] ^= 1;
@@ -400,6 +408,7 @@ fn the_verb_says_what_is_lost_and_exits_with_3() {
     assert_eq!(code, Some(3), "{summary}{lost}");
     assert!(summary.contains("kept 5 chunks"), "{summary}");
     assert!(lost.contains("2000 raw frames missing"), "{lost}");
+    assert!(is_missed_by_the_page());
 
     let (code, [_, text]) = run(&[&log, dash_o, &log]);
     assert_eq!(code, Some(2), "{text}");

@@ -215,7 +215,7 @@ impl CommissionedRelations {
                 error
             }
         };
-        let changes = Element::ALL.map(|element| {
+        let change_of = |element: Element| {
             let baseline = &self.baseline[element as usize];
             let reading = readings
                 .get(element)
@@ -234,7 +234,7 @@ impl CommissionedRelations {
                 });
             }
             if element == Element::Backlash && changed.value < CLEAR * sigma && !balance.flanks.are_shown() {
-                return Err(Needed::Reversal);
+                return Err(Needed::OpenReversal);
             }
             let share = error.share * (changed.value - healthy(element));
             let by_load = if element == Element::Friction {
@@ -246,8 +246,13 @@ impl CommissionedRelations {
                 sigma: libm::hypot(libm::hypot(sigma, share), by_load),
                 ..changed
             })
-        });
-        let mut changes = changes;
+        };
+        let mut changes = Element::ALL.map(change_of);
+        let play = &mut changes[Element::Backlash as usize];
+        // A play that is not read at all may be closed as well.
+        if play.is_err() && !balance.flanks.are_shown() {
+            *play = Err(Needed::OpenReversal);
+        }
         let share = Element::ALL.map(|element| {
             let of = |changed: Reading| error_of(element).share * libm::fabs(changed.value - healthy(element));
             changes[element as usize].map_or(0.0, of)

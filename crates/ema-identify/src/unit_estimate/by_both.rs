@@ -7,7 +7,7 @@ use ema_models::{FAULT_COUNT, FaultId, FaultVector, Unknowns};
 
 /// Each fault by the estimate with the smaller sigma, cost and residual by the relations; where one of the two does not explain the
 /// window, the other one alone. The monitor knows no shorted loop: with one the relations alone. Nor does it know a load that closes the
-/// play: a backlash that needs a reversal stays unseen.
+/// play: a backlash that needs a reversal without such a load stays unseen.
 #[must_use]
 pub fn of_both(relations: UnitEstimate, monitor: UnitEstimate) -> UnitEstimate {
     if monitor.estimate.is_unmodelled() || relations.bridge_spread.iter().any(|&spread| spread > 0.0) {
@@ -26,7 +26,7 @@ pub fn of_both(relations: UnitEstimate, monitor: UnitEstimate) -> UnitEstimate {
     let (mut sigma, mut share, mut observable) = (estimate.sigma, estimate.share, estimate.observable);
     let of_monitor = monitor.estimate.fault.to_array();
     let backlash = FaultId::Backlash.parameter();
-    let is_closed = needed[backlash] == Some(Needed::Reversal);
+    let is_closed = needed[backlash] == Some(Needed::OpenReversal);
     for (from, to) in elements().filter(|&(from, _)| !(is_closed && from == backlash)) {
         if shown(&monitor.estimate, from) < shown(&estimate, from) {
             let range = from..=to;
@@ -148,15 +148,24 @@ pub(super) mod tests {
         unmodelled.estimate.cost = 2.0 * UNMODELLED_COST;
         assert_eq!(of_both(unmodelled, monitor.clone()), monitor);
     }
-    #[test]
-    fn a_play_that_a_load_closes_is_none_of_the_monitors() {
-        let sigma = [Some(0.01); FAULT_COUNT];
-        let mut relations = estimate([0.0; FAULT_COUNT], sigma);
+
+    /// Relations that do not show the backlash, for want of this.
+    fn without_backlash(needed: Needed) -> UnitEstimate {
+        let mut relations = estimate([0.0; FAULT_COUNT], [Some(0.01); FAULT_COUNT]);
         let backlash = FaultId::Backlash.parameter();
         relations.estimate.sigma[backlash] = None;
         relations.estimate.observable[backlash] = false;
-        relations.needed[backlash] = Some(Needed::Reversal);
-        let both = of_both(relations, estimate([0.0; FAULT_COUNT], sigma));
-        assert!(both.estimate.sigma[backlash].is_none() && both.needed[backlash] == Some(Needed::Reversal));
+        relations.needed[backlash] = Some(needed);
+        relations
+    }
+
+    #[test]
+    fn a_play_that_a_load_closes_is_none_of_the_monitors_and_an_uncertain_one_is() {
+        let monitor = estimate([0.0; FAULT_COUNT], [Some(0.02); FAULT_COUNT]);
+        let backlash = FaultId::Backlash.parameter();
+        let closed = of_both(without_backlash(Needed::OpenReversal), monitor.clone());
+        assert!(closed.estimate.sigma[backlash].is_none() && closed.needed[backlash] == Some(Needed::OpenReversal));
+        let uncertain = of_both(without_backlash(Needed::Reversal), monitor);
+        assert!(uncertain.estimate.sigma[backlash].is_some() && uncertain.needed[backlash].is_none());
     }
 }

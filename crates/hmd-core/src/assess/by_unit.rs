@@ -357,6 +357,7 @@ pub(crate) fn needed_in_words(needed: Needed) -> &'static str {
         Needed::BothDirections => "motion in both directions",
         Needed::MoreCurrent => "more current",
         Needed::Reversal => "a reversal of the output",
+        Needed::OpenReversal => "a reversal without a load that closes the play",
         Needed::PositionMode => "position mode",
         Needed::UnsaturatedControl => "control off its limits",
         Needed::NarrowPlay => "a narrower play",

@@ -2,7 +2,6 @@
 
 use super::UnitEstimate;
 use crate::estimate::Estimate;
-use crate::relations::Needed;
 use ema_models::{FAULT_COUNT, FaultId, FaultVector, Unknowns};
 
 /// Each fault by the estimate with the smaller sigma, cost and residual by the relations; where one of the two does not explain the
@@ -14,8 +13,9 @@ pub fn of_both(relations: UnitEstimate, monitor: UnitEstimate) -> UnitEstimate {
         return relations;
     }
     if relations.estimate.is_unmodelled() {
-        return monitor;
+        return monitor.in_place_of(&relations);
     }
+    let is_closed = relations.is_play_closed();
     let mut k = relations.estimate.fault.to_array();
     let UnitEstimate {
         estimate,
@@ -26,7 +26,6 @@ pub fn of_both(relations: UnitEstimate, monitor: UnitEstimate) -> UnitEstimate {
     let (mut sigma, mut share, mut observable) = (estimate.sigma, estimate.share, estimate.observable);
     let of_monitor = monitor.estimate.fault.to_array();
     let backlash = FaultId::Backlash.parameter();
-    let is_closed = needed[backlash] == Some(Needed::OpenReversal);
     for (from, to) in elements().filter(|&(from, _)| !(is_closed && from == backlash)) {
         if shown(&monitor.estimate, from) < shown(&estimate, from) {
             let range = from..=to;
@@ -84,6 +83,7 @@ fn shown(estimate: &Estimate, parameter: usize) -> f64 {
 pub(super) mod tests {
     use super::*;
     use crate::estimate::UNMODELLED_COST;
+    use crate::relations::{Needed, Relation};
     use ema_models::MotorDeviation;
     use std::vec::Vec;
 
@@ -167,5 +167,24 @@ pub(super) mod tests {
         assert!(closed.estimate.sigma[backlash].is_none() && closed.needed[backlash] == Some(Needed::OpenReversal));
         let uncertain = of_both(without_backlash(Needed::Reversal), monitor);
         assert!(uncertain.estimate.sigma[backlash].is_some() && uncertain.needed[backlash].is_none());
+    }
+
+    #[test]
+    fn a_monitor_in_place_of_relations_shows_no_play_that_a_load_closes() {
+        let monitor = estimate([0.0; FAULT_COUNT], [Some(0.02); FAULT_COUNT]);
+        let backlash = FaultId::Backlash.parameter();
+        let is_shown = |found: &UnitEstimate| found.estimate.observable[backlash];
+        for (needed, shown) in [(Needed::OpenReversal, false), (Needed::Reversal, true)] {
+            let mut relations = without_backlash(needed);
+            relations.estimate.cost = 2.0 * UNMODELLED_COST;
+            let of_both = of_both(relations.clone(), monitor.clone());
+            let alone = monitor.clone().in_place_of(&relations);
+            assert!(is_shown(&of_both) == shown && is_shown(&alone) == shown, "{needed:?}");
+            assert_eq!(alone.needed[backlash], (!shown).then_some(needed));
+        }
+        // An output that does not follow the motor through any play.
+        let mut relations = estimate([0.0; FAULT_COUNT], [Some(0.01); FAULT_COUNT]);
+        relations.unexplained = std::vec![Relation::TorqueBalance, Relation::Transmission];
+        assert!(!is_shown(&monitor.in_place_of(&relations)));
     }
 }

@@ -98,8 +98,7 @@ pub(super) fn estimate(
                 match fallback {
                     Some((fit, by_monitor)) if !by_monitor.estimate.is_unmodelled() => {
                         reasons.push("assessed by the monitor".to_owned());
-                        let is_rigid = !found.unexplained.contains(&Relation::Transmission);
-                        Some((fit, if is_rigid { by_monitor } else { without_play(by_monitor) }))
+                        Some((fit, by_monitor.in_place_of(&found)))
                     }
                     _ => Some((fit, found)),
                 }
@@ -269,14 +268,6 @@ fn factor_in_other_motion(monitor: &UnitMonitor) -> f64 {
 /// An error of a current sensor, which the torque balance shows, is no fault of the monitor's either.
 fn factor_beyond_healthy(monitor: &UnitMonitor, found: &UnitEstimate) -> f64 {
     (found.estimate.cost / monitor.cost).max(1.0)
-}
-
-/// An estimate of the monitor, whose gear is rigid, where the output does not follow the motor through any play.
-fn without_play(mut found: UnitEstimate) -> UnitEstimate {
-    let place = FaultId::Backlash.parameter();
-    found.estimate.sigma[place] = None;
-    found.estimate.observable[place] = false;
-    found
 }
 
 /// Whether the monitor may explain a window that the torque balance does not, or hardly does, where samples are coarser than at

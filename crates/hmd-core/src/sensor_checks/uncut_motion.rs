@@ -70,14 +70,13 @@ impl UncutMotions {
 
     /// Takes a sample; the sentence where it ends the first motion without a window.
     pub fn push(&mut self, seq: u64, sample: &SensedSample, is_in_window: bool) -> Option<String> {
-        // What lies between two samples that do not follow each other is not known.
-        if self
-            .last_seq
-            .replace(seq)
-            .is_none_or(|last| last.wrapping_add(1) != seq)
-        {
+        let last = self.last_seq.replace(seq);
+        if last.is_none_or(|last| last.wrapping_add(1) != seq) {
+            // What lies between is not known: a motion ends with what was seen of it, and another one begins after a rest.
             self.counts.clear();
-            (self.motion, self.slow) = (None, 0);
+            self.counts.push_back(sample.motor_counts);
+            self.slow = 0;
+            return self.end_motion();
         }
         if self.counts.len() > self.half {
             self.counts.pop_front();
@@ -154,15 +153,20 @@ mod tests {
 
     /// What is said of the counts of the motor at these samples, 1 ms apart, under this current; a window is open from `window` on for 480 ms.
     fn said(counts: impl Fn(u64) -> i64, current: f64, window: Option<u64>) -> Vec<String> {
+        said_of((0..2000).map(|seq| (seq, counts(seq))), current, window)
+    }
+
+    /// The same of these samples alone.
+    fn said_of(samples: impl Iterator<Item = (u64, i64)>, current: f64, window: Option<u64>) -> Vec<String> {
         let mut params = ActuatorParams::bench();
         params.sensors.sample_rate = 1000.0;
         let mut motions = UncutMotions::new(&params, 1e-3, 20.0);
         let mut said = Vec::new();
-        for seq in 0..2000 {
+        for (seq, motor_counts) in samples {
             let sample = SensedSample {
                 seq,
                 currents: [current, -current, 0.0],
-                motor_counts: counts(seq),
+                motor_counts,
                 output_counts: 0,
                 setpoint: Setpoint::Idle,
             };
@@ -199,6 +203,18 @@ mod tests {
         );
         assert_eq!(two.len(), 2, "{two:?}");
         assert!(two[1].starts_with("2 motions without a window: "), "{two:?}");
+    }
+
+    #[test]
+    fn a_motion_with_a_lost_sample_is_said_and_counted_once() {
+        let counts = |seq| creeps_and_moves(seq, 200) + creeps_and_moves(seq, 1200);
+        let samples = (0..2000).filter(|seq| ![400, 600, 1500].contains(seq));
+        let two = said_of(samples.map(|seq| (seq, counts(seq))), 2.0, None);
+        assert_eq!(two.len(), 2, "{two:?}");
+        assert!(
+            two[0].starts_with("no window, while") && two[1].starts_with("2 motions"),
+            "{two:?}"
+        );
     }
 
     #[test]

@@ -97,8 +97,7 @@ impl UnitEstimate {
     pub fn in_place_of(mut self, relations: &Self) -> Self {
         if relations.is_play_closed() || relations.unexplained.contains(&Relation::Transmission) {
             let backlash = FaultId::Backlash.parameter();
-            self.estimate.sigma[backlash] = None;
-            self.estimate.observable[backlash] = false;
+            self.estimate = self.estimate.without(&[FaultId::Backlash]);
             self.needed[backlash] = relations.needed[backlash];
         }
         self

@@ -152,10 +152,8 @@ pub(super) mod tests {
     /// Relations that do not show the backlash, for want of this.
     fn without_backlash(needed: Needed) -> UnitEstimate {
         let mut relations = estimate([0.0; FAULT_COUNT], [Some(0.01); FAULT_COUNT]);
-        let backlash = FaultId::Backlash.parameter();
-        relations.estimate.sigma[backlash] = None;
-        relations.estimate.observable[backlash] = false;
-        relations.needed[backlash] = Some(needed);
+        relations.estimate = relations.estimate.without(&[FaultId::Backlash]);
+        relations.needed[FaultId::Backlash.parameter()] = Some(needed);
         relations
     }
 

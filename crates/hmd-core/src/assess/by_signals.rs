@@ -161,10 +161,9 @@ impl Assessor {
     /// both logged in a wrong scale, the controller seems to act on so much less or more of their difference.
     fn without_gain_by_scale(&self, mut assessed: Assessed, findings: &[Finding]) -> Assessed {
         let is_ratio = |finding: &Finding| matches!(finding.correction, Some(Correction::GearRatio(_)));
-        let estimate = &mut assessed.estimate;
-        if findings.iter().any(is_ratio) && estimate.fault.damage_of(FaultId::Gain) >= self.watch_level() {
-            let gain = FaultId::Gain.parameter();
-            (estimate.observable[gain], estimate.sigma[gain]) = (false, None);
+        let damage = assessed.estimate.fault.damage_of(FaultId::Gain);
+        if findings.iter().any(is_ratio) && damage >= self.watch_level() {
+            assessed = assessed.without(&[FaultId::Gain]);
             assessed.reasons.push(GAIN_OR_SCALE.to_owned());
         }
         assessed

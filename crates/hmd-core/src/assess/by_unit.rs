@@ -33,13 +33,12 @@ impl Assessed {
         }
     }
 
-    /// The same without these faults, which the window does not show then.
-    pub(super) fn without(mut self, faults: &[FaultId]) -> Self {
-        for fault in faults {
-            self.estimate.observable[fault.parameter()] = false;
-            self.estimate.sigma[fault.parameter()] = None;
+    /// The same without these faults: see [`Estimate::without`].
+    pub(super) fn without(self, faults: &[FaultId]) -> Self {
+        Self {
+            estimate: self.estimate.without(faults),
+            ..self
         }
-        self
     }
 }
 

@@ -30,6 +30,7 @@ mod currents;
 mod findings;
 mod gear_ratio;
 mod least_squares;
+mod moved;
 mod offset_of_sum;
 mod readings;
 pub mod rivals;

@@ -3,7 +3,7 @@
 use ema_models::{ActuatorParams, SensedSample, Setpoint};
 
 use crate::config::ActuatorConfig;
-use crate::sensor_checks::{UncutMotions, UnseenMotion};
+use crate::sensor_checks::{MotionsWithoutWindow, UnseenMotion};
 use crate::window::{TimedSample, WindowConfig};
 
 /// Change of the motor's counts that is no motion: the noise of a sensor at rest.
@@ -16,7 +16,7 @@ pub(super) enum BegunBy {
     SetPoint(UnseenMotion),
     /// Motion itself.
     Motion {
-        uncut: UncutMotions,
+        without_window: MotionsWithoutWindow,
         /// Motor counts of the sample before.
         counts: Option<i64>,
     },
@@ -29,7 +29,7 @@ impl BegunBy {
             Self::SetPoint(UnseenMotion::new(params, trigger_rad))
         } else {
             Self::Motion {
-                uncut: UncutMotions::new(params, trigger_rad, config.rest_ms),
+                without_window: MotionsWithoutWindow::new(params, trigger_rad, config.rest_ms),
                 counts: None,
             }
         }
@@ -61,7 +61,7 @@ impl BegunBy {
                 }
                 unseen.push(&sample.sensed)
             }
-            Self::Motion { uncut, .. } => uncut.push(sample.seq, &sample.sensed, is_in_window),
+            Self::Motion { without_window, .. } => without_window.push(sample.seq, &sample.sensed, is_in_window),
         };
         sentence.map(|sentence| self.notice(actuator, &sentence))
     }
@@ -75,7 +75,7 @@ impl BegunBy {
                 }
                 unseen.finish()
             }
-            Self::Motion { uncut, .. } => uncut.finish(),
+            Self::Motion { without_window, .. } => without_window.finish(),
         };
         sentence.map(|sentence| self.notice(actuator, &sentence))
     }

@@ -54,7 +54,7 @@ impl Assessor {
                     .estimate(&mut other, conditions, effort)?
                     .map(|assessed| BySignals {
                         assessed: self
-                            .without_gain_by_scale(assessed, &findings)
+                            .hide_gain_beside_ratio(assessed, &findings)
                             .widened(CORRECTED_FACTOR),
                         corrected: other,
                         unchecked: false,
@@ -124,7 +124,7 @@ impl Assessor {
                     as_received
                 }
                 None => self
-                    .without_gain_by_scale(assessed, &findings)
+                    .hide_gain_beside_ratio(assessed, &findings)
                     .widened(CORRECTED_FACTOR),
             };
         }
@@ -159,7 +159,7 @@ impl Assessor {
 
     /// Without a gain that is not the healthy one where the output turns by another ratio than the motor: where output angle and set point are
     /// both logged in a wrong scale, the controller seems to act on so much less or more of their difference.
-    fn without_gain_by_scale(&self, mut assessed: Assessed, findings: &[Finding]) -> Assessed {
+    fn hide_gain_beside_ratio(&self, mut assessed: Assessed, findings: &[Finding]) -> Assessed {
         let is_ratio = |finding: &Finding| matches!(finding.correction, Some(Correction::GearRatio(_)));
         let damage = assessed.estimate.fault.damage_of(FaultId::Gain);
         if findings.iter().any(is_ratio) && damage >= self.watch_level() {

@@ -20,7 +20,7 @@ const OVER: usize = 10;
 
 /// Watches the samples of one actuator that lie in no window.
 #[derive(Clone, Debug)]
-pub struct UncutMotions {
+pub struct MotionsWithoutWindow {
     limits: MotionLimits,
     fast_rad: f64,
     rest_ms: f64,
@@ -35,7 +35,7 @@ pub struct UncutMotions {
     number: u64,
 }
 
-impl UncutMotions {
+impl MotionsWithoutWindow {
     /// For an actuator whose windows begin where it stood for half of `rest_ms` and then moves, with a threshold of `trigger_rad`.
     #[must_use]
     pub fn new(params: &ActuatorParams, trigger_rad: f64, rest_ms: f64) -> Self {
@@ -128,7 +128,7 @@ mod tests {
     fn said_of(samples: impl Iterator<Item = (u64, i64)>, current: f64, window: Option<u64>) -> Vec<String> {
         let mut params = ActuatorParams::bench();
         params.sensors.sample_rate = 1000.0;
-        let mut motions = UncutMotions::new(&params, 1e-3, 20.0);
+        let mut motions = MotionsWithoutWindow::new(&params, 1e-3, 20.0);
         let mut said = Vec::new();
         for (seq, motor_counts) in samples {
             let sample = SensedSample {

@@ -102,6 +102,15 @@ impl Estimate {
         self
     }
 
+    /// The same without these faults, which the window does not show then.
+    #[must_use]
+    pub fn without(mut self, faults: &[FaultId]) -> Self {
+        for fault in faults {
+            (self.observable[fault.parameter()], self.sigma[fault.parameter()]) = (false, None);
+        }
+        self
+    }
+
     /// Takes components as not observable whose damage has a sigma above 0.1, without its share of the damage and another part of it.
     pub(crate) fn check_observable(&mut self, other_part: &[f64; FAULT_COUNT]) {
         for p in 0..FAULT_COUNT {

@@ -20,6 +20,7 @@
 //! A compliant transmission is a part of the kernel (`compliance`), found in commissioning (`compliance_search`). Measured accuracy and what
 //! is left out: `docs/design/relations.md`.
 
+mod baseline;
 mod between_samples;
 mod change;
 #[cfg(feature = "std")]
@@ -51,10 +52,11 @@ mod terms;
 mod torque_balance;
 mod transmission;
 
+pub use baseline::Baseline;
 pub use between_samples::{coarse_torque_error, is_coarsely_sampled};
 #[cfg(feature = "std")]
 pub use commission::{CommissionError, commission, commission_as};
-pub use commissioned::{Baseline, CommissionedRelations, RelationsEstimate};
+pub use commissioned::{CommissionedRelations, RelationsEstimate};
 pub use compliance::Compliance;
 #[cfg(feature = "std")]
 pub use curves::{Curve, CurvePoint};

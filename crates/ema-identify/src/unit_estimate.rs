@@ -86,6 +86,23 @@ impl UnitEstimate {
         self.with_sigmas(|n, sigma| if is_widened(n) { sigma.hypot(spread) } else { sigma })
     }
 
+    /// Whether a load closes the play, by the relations.
+    fn is_play_closed(&self) -> bool {
+        self.needed[FaultId::Backlash.parameter()] == Some(Needed::OpenReversal)
+    }
+
+    /// This estimate of the monitor where the relations do not explain the window. The monitor knows no load that closes the play, and its
+    /// gear is rigid: without a backlash where a load closes the play, or the output does not follow the motor through any.
+    #[must_use]
+    pub fn in_place_of(mut self, relations: &Self) -> Self {
+        if relations.is_play_closed() || relations.unexplained.contains(&Relation::Transmission) {
+            let backlash = FaultId::Backlash.parameter();
+            self.estimate = self.estimate.without(&[FaultId::Backlash]);
+            self.needed[backlash] = relations.needed[backlash];
+        }
+        self
+    }
+
     /// The same with a factor for each sigma but what comes from a bridge.
     fn widened_by(mut self, factors: &[f64; FAULT_COUNT]) -> Self {
         for (share, factor) in self.estimate.share.iter_mut().zip(factors) {

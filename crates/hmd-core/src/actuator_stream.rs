@@ -11,6 +11,7 @@
 //!
 //! Memory is bounded by those 64 samples and by one window. In the steady state a frame allocates nothing.
 
+mod begun_by;
 mod free_zero;
 mod numbering;
 mod rate;
@@ -29,11 +30,10 @@ use crate::history::RunEnd;
 use crate::log_map::{LogMap, Quantity};
 use crate::outbox::{AssembledSample, Notice, Outbox, WindowJob};
 use crate::sample::{MeasuredConditions, SampleRate};
-use crate::sensor_checks::UncutMotions;
 use crate::window::{TimedSample, Window, WindowConfig, Windower};
 use numbering::Numbering;
 use rate::{RateState, Settled};
-use windowing::{Windowing, unseen_notice};
+use windowing::Windowing;
 
 /// Times further apart than this are a pause where nothing counts the samples.
 const PAUSE_NS: u64 = 500_000_000;
@@ -327,21 +327,14 @@ impl ActuatorStream {
             Windowing::Refused => self.counts.lost += 1,
             Windowing::Ready(ready) => {
                 ready.count_operation(&sample.sensed);
-                if let Some(sentence) = ready
-                    .unseen
-                    .push(&sample.sensed)
-                    .filter(|_| ready.motor_counts.is_none())
-                {
-                    outbox.push_notice(sample.stamp_ns, unseen_notice(&self.actuator, &sentence));
-                }
-                if let Some(window) = ready.windower.push(sample) {
-                    ready.unseen.end();
+                let window = ready.windower.push(sample);
+                let (is_in_window, is_cut) = (ready.windower.is_open(), window.is_some());
+                if let Some(window) = window {
                     outbox.push_window(ready.job(&self.actuator, window, conditions));
                 }
-                let is_in_window = ready.windower.is_open();
-                let uncut = ready.uncut.as_mut();
-                if let Some(sentence) = uncut.and_then(|uncut| uncut.push(sample.seq, &sample.sensed, is_in_window)) {
-                    outbox.push_notice(sample.stamp_ns, format!("{}: {sentence}", self.actuator.name));
+                let begun_by = &mut ready.begun_by;
+                if let Some(notice) = begun_by.push(&self.actuator, &sample, is_in_window, is_cut) {
+                    outbox.push_notice(sample.stamp_ns, notice);
                 }
             }
         }
@@ -354,16 +347,13 @@ impl ActuatorStream {
         outbox: &mut Outbox,
     ) {
         if let Windowing::Ready(ready) = &mut self.windowing {
-            if let Some(window) = finish(&mut ready.windower) {
+            let window = finish(&mut ready.windower);
+            let is_cut = window.is_some();
+            if let Some(window) = window {
                 outbox.push_window(ready.job(&self.actuator, window, conditions));
-            } else if let (Some(sentence), Some((last, _)), None) =
-                (ready.unseen.finish(), self.last, ready.motor_counts)
-            {
-                outbox.push_notice(last.stamp_ns, unseen_notice(&self.actuator, &sentence));
             }
-            let uncut = ready.uncut.as_mut().and_then(UncutMotions::finish);
-            if let (Some(sentence), Some((last, _))) = (uncut, self.last) {
-                outbox.push_notice(last.stamp_ns, format!("{}: {sentence}", self.actuator.name));
+            if let (Some(notice), Some((last, _))) = (ready.begun_by.finish(&self.actuator, is_cut), self.last) {
+                outbox.push_notice(last.stamp_ns, notice);
             }
         }
     }

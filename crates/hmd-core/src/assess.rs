@@ -57,8 +57,8 @@ pub struct Assessor {
 /// What is done about a unit that is to be learnt.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum LearningProgress {
-    /// It is known, or is not to be learnt.
-    None,
+    /// Nothing: it is known, or is not to be learnt.
+    NotToLearn,
     /// It is being learnt: for this reason health is unknown, and no damage counts.
     Learns(String),
     /// For this reason it is not learnt yet: it is assessed as a unit that is not commissioned.
@@ -167,7 +167,7 @@ impl Assessor {
     /// # Errors
     /// [`AssessError`] when the configuration cannot be used at all; a bad window is a record, not an error.
     pub fn assess(&mut self, job: WindowJob) -> Result<AssessedWindow, AssessError> {
-        self.assess_within(job, &TimeLimit::none(), &LearningProgress::None)
+        self.assess_within(job, &TimeLimit::none(), &LearningProgress::NotToLearn)
     }
 
     /// The same with the work that a limit grants, and for a unit that is to be learnt. The same job, seed, history and grants give the same

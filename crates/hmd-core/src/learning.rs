@@ -83,7 +83,7 @@ impl Learner {
             self.replaced.push(actuator.clone());
         }
         let Some(learning) = actuator.learning.as_ref().filter(|_| !assessor.knows_unit(&actuator)) else {
-            return assessor.assess_within(job, limit, &LearningProgress::None);
+            return assessor.assess_within(job, limit, &LearningProgress::NotToLearn);
         };
         // Follows the events first: what was replaced is no longer known.
         let history = assessor.histories().history_at(&actuator, t_ns)?;

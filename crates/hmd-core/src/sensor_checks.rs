@@ -12,14 +12,17 @@
 //! | `current_limit` | current that lasts beyond the limit of the drive: gain of all currents |
 //! | `torque` | balance of the shaft: sign and gain of the currents, load |
 //! | `angles` | output against motor and set point: gear ratio, encoder, unit and delay of the set point |
+//! | `angle_time` | output angle against motor angle: one of another instant |
 //! | `setpoint_time` | law of the speed loop: set point before or after its effect |
 //! | `gear_ratio` | line between the two angles: gear ratio to parts in a thousand |
-//! | `uncut_motion` | motion that begins no window where nothing is commanded: a creep before it |
+//! | `motions_without_window` | motion that begins no window where nothing is commanded: a creep before it |
 //! | `unseen_motion` | motion that no window has: unit of the set point, mode |
+//! | `moved` | travel and current that are a motion, for both of these |
 //! | `readings` | offsets, gains, latency, resolver errors and link voltage of every window, for their drift (`sensor_health`) |
 //!
 //! After an estimate, a reading may contradict what the motion says without it ([`contradictions`]), or compete with the faults ([`rivals`]).
 
+mod angle_time;
 mod angles;
 mod contradictions;
 mod control_law;
@@ -30,6 +33,8 @@ mod currents;
 mod findings;
 mod gear_ratio;
 mod least_squares;
+mod motions_without_window;
+mod moved;
 mod offset_of_sum;
 mod readings;
 pub mod rivals;
@@ -37,16 +42,16 @@ mod setpoint_time;
 mod signals;
 mod suspect;
 mod torque;
-mod uncut_motion;
 mod unseen_motion;
 mod wiring;
 
+pub use angle_time::angle_time;
 pub use contradictions::{Contradiction, contradictions};
 pub use correction::Correction;
 pub(crate) use currents::OFFSET_SHARE;
 pub use findings::{Finding, examine};
+pub use motions_without_window::MotionsWithoutWindow;
 pub use readings::{Reading, SensorReadings, sensor_readings};
 pub use setpoint_time::setpoint_time;
 pub use suspect::{Suspect, Suspicion};
-pub use uncut_motion::UncutMotions;
 pub use unseen_motion::UnseenMotion;

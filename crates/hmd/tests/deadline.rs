@@ -122,7 +122,7 @@ fn live(config: &Arc<Config>, jobs: &[WindowJob], per_run: Duration) -> Vec<(Str
             || waiting,
             |limit| {
                 assessor
-                    .assess_within(job.clone(), limit, &LearningProgress::None)
+                    .assess_within(job.clone(), limit, &LearningProgress::NotToLearn)
                     .unwrap()
             },
         );
@@ -163,7 +163,7 @@ fn every_window_is_answered_in_time_and_again_by_what_it_was_granted() {
                     effort: Effort::within(&mut grants),
                 };
                 let again = assessor
-                    .assess_within(job.clone(), &limit, &LearningProgress::None)
+                    .assess_within(job.clone(), &limit, &LearningProgress::NotToLearn)
                     .unwrap();
                 assert_eq!(line(&again), *line_live);
                 assert_eq!(again.shortened, *shortened);

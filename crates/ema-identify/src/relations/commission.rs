@@ -9,7 +9,8 @@ use std::vec::Vec;
 use ema_models::ActuatorParams;
 use nalgebra::{SMatrix, SVector};
 
-use super::commissioned::{Balance, Baseline, CommissionedRelations};
+use super::baseline::Baseline;
+use super::commissioned::{Balance, CommissionedRelations};
 use super::compliance::Compliance;
 use super::compliance_search::find_compliance;
 use super::controller::{LawKnowledge, free_scale, gain_ratio};

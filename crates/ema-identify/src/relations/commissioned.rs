@@ -1,27 +1,29 @@
 //! A commissioned unit, and what a later window says of it: the change of each element since commissioning.
 
+mod readings;
+
 use core::f64::consts::{PI, TAU};
 
 use ema_models::{FAULT_COUNT, FaultVector};
 
+use super::baseline::Baseline;
 use super::between_samples::coarse_torque_error;
 use super::change::{ModelError, change, healthy, needed_for};
-use super::controller::{LawKnowledge, gain_ratio};
 use super::elements::{ELEMENT_COUNT, Element, ElementReadings, Needed, Reading};
-use super::flanks::Flanks;
 use super::gear_loss::Directions;
 use super::hidden_torque::unseen_share;
 use super::measured::MeasuredWindow;
 use super::output_load::OutputLoad;
-use super::residual::{HealthyResidual, RELATION_COUNT, Relation, Residual};
-use super::setpoint_delay::{SetpointDelay, setpoint_delay};
+use super::residual::{HealthyResidual, RELATION_COUNT, Relation};
 use super::shared::SHARED_COUNT;
 use super::shorted_loop::ShortedShare;
 use super::terms::Term;
-use super::torque_balance::{BalanceCoefficients, TorqueBalance, Turns, torque_balance};
-use super::transmission::{REACH_SHARE, REACH_SHARE_BENDING, play_width};
+use super::torque_balance::BalanceCoefficients;
+use super::transmission::{REACH_SHARE, REACH_SHARE_BENDING};
 use crate::estimate::{OBSERVABLE_SIGMA, beside, damage_per_change};
 use crate::monitor_fit::RecordedSample;
+
+pub(super) use readings::Balance;
 
 /// What the healthy windows of a unit have in common.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,73 +59,6 @@ pub struct CommissionedRelations {
     /// Whether the gear may bend, though no spring explains the healthy windows clearly better than a rigid mass.
     #[cfg_attr(feature = "std", serde(default, skip_serializing_if = "core::ops::Not::not"))]
     pub may_bend: bool,
-}
-
-/// What healthy windows show of one element.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "std", derive(serde::Serialize, serde::Deserialize))]
-pub struct Baseline {
-    /// Mean over the windows, each weighted by its own information, in the element's unit.
-    pub mean: f64,
-    /// Standard deviation from window to window, so weighted.
-    pub scatter: f64,
-    /// Sigma of a window of mean information.
-    pub sigma: f64,
-    /// Largest sigma of a window; 0 in unit files that have none.
-    #[cfg_attr(feature = "std", serde(default))]
-    pub sigma_largest: f64,
-    /// Root-mean-square of deviation over sigma; below 1, as much nearer to 1 as there are few windows.
-    pub excess: f64,
-    /// Windows that show the element.
-    pub windows: usize,
-}
-
-/// Windows that count as scattering like their sigmas before any is seen.
-#[cfg(feature = "std")]
-const PRIOR_WINDOWS: f64 = 4.0;
-
-impl Baseline {
-    /// Mean and scatter of what windows show.
-    #[cfg(feature = "std")]
-    pub(super) fn of(shown: &[Reading]) -> Self {
-        let weight = |reading: &Reading| 1.0 / (reading.sigma * reading.sigma).max(f64::MIN_POSITIVE);
-        let weights: f64 = shown.iter().map(weight).sum();
-        let weighted = |of: &dyn Fn(&Reading) -> f64| {
-            shown.iter().map(|reading| weight(reading) * of(reading)).sum::<f64>() / weights.max(f64::MIN_POSITIVE)
-        };
-        let n = shown.len() as f64;
-        let unbiased = n / (n - 1.0).max(1.0);
-        let mean = weighted(&|reading| reading.value);
-        let squares = weighted(&|reading| (reading.value - mean) * (reading.value - mean));
-        // The mean of deviation² over sigma².
-        let relative = squares * weights / n.max(1.0);
-        Self {
-            mean,
-            scatter: libm::sqrt(unbiased * squares),
-            sigma: libm::sqrt(n / weights.max(f64::MIN_POSITIVE)),
-            sigma_largest: shown.iter().fold(0.0, |largest, reading| largest.max(reading.sigma)),
-            excess: libm::sqrt((unbiased * relative).max((n * relative + PRIOR_WINDOWS) / (n + PRIOR_WINDOWS))),
-            windows: shown.len(),
-        }
-    }
-
-    /// A reading of a later window with the uncertainty of the unit. How far the healthy windows scatter compared with their sigmas
-    /// holds for sigmas up to the largest of theirs, and where they scatter more for every one; a window that shows less than they
-    /// do keeps what its own sigma has besides. That they scatter less than their sigmas holds for a window of the `same_motion`
-    /// alone: errors of the model repeat with the motion. The uncertainty of their mean is added. Derived here.
-    fn widened(&self, reading: Reading, same_motion: bool) -> Result<Reading, Needed> {
-        if self.windows < 2 {
-            return Err(Needed::CommissioningThatShowsIt);
-        }
-        let mean = self.scatter / libm::sqrt(self.windows as f64);
-        let squared = |sigma: f64| sigma * sigma;
-        let like_theirs = reading.sigma.min(self.sigma_largest).max(self.sigma);
-        let besides = (squared(reading.sigma) - squared(like_theirs)).max(0.0);
-        let excess = if same_motion { self.excess } else { self.excess.max(1.0) };
-        let variance = squared(excess * like_theirs) + squared(self.excess.max(1.0)) * besides;
-        let sigma = libm::sqrt(variance + squared(mean));
-        Ok(Reading { sigma, ..reading })
-    }
 }
 
 /// Faults of one window as changes since commissioning.
@@ -215,7 +150,7 @@ impl CommissionedRelations {
                 error
             }
         };
-        let changes = Element::ALL.map(|element| {
+        let change_of = |element: Element| {
             let baseline = &self.baseline[element as usize];
             let reading = readings
                 .get(element)
@@ -234,7 +169,7 @@ impl CommissionedRelations {
                 });
             }
             if element == Element::Backlash && changed.value < CLEAR * sigma && !balance.flanks.are_shown() {
-                return Err(Needed::Reversal);
+                return Err(Needed::OpenReversal);
             }
             let share = error.share * (changed.value - healthy(element));
             let by_load = if element == Element::Friction {
@@ -246,8 +181,13 @@ impl CommissionedRelations {
                 sigma: libm::hypot(libm::hypot(sigma, share), by_load),
                 ..changed
             })
-        });
-        let mut changes = changes;
+        };
+        let mut changes = Element::ALL.map(change_of);
+        let play = &mut changes[Element::Backlash as usize];
+        // A play that is not read at all may be closed as well.
+        if play.is_err() && !balance.flanks.are_shown() {
+            *play = Err(Needed::OpenReversal);
+        }
         let share = Element::ALL.map(|element| {
             let of = |changed: Reading| error_of(element).share * libm::fabs(changed.value - healthy(element));
             changes[element as usize].map_or(0.0, of)
@@ -409,112 +349,3 @@ const CLEAR: f64 = 3.0;
 /// Residual of the torque balance, relative to that of the healthy windows, from which the play of a compliant transmission is a part of it:
 /// above that of windows with other faults.
 const PLAY_RESIDUAL: f64 = 1.2;
-
-/// Range of the gain factor `0.5 + k8`.
-const MIN_GAIN: f64 = 0.5;
-const MAX_GAIN: f64 = 1.5;
-
-impl CommissionedRelations {
-    /// What is known of the law of the speed loop in a window in which this time of the set point is found.
-    pub(super) fn law_knowledge(&self, found: Option<&SetpointDelay>) -> LawKnowledge {
-        let healthy = self.setpoint_delay.mean;
-        let delay_s = found.map_or(healthy, |found| found.delay_s.value);
-        let own = if self.gain_without_delay { 0.0 } else { healthy };
-        LawKnowledge {
-            scale: self.torque_scale,
-            delay_s: Some(delay_s - own),
-        }
-    }
-
-    /// The gain ratio of a window, with the time of its set point, as far as that is shown; of healthy windows with that of all of them.
-    fn gain_in_time<S: RecordedSample>(
-        &self,
-        window: &MeasuredWindow<'_, S>,
-        is_healthy: bool,
-    ) -> Result<(Reading, Residual), Needed> {
-        let healthy = &self.setpoint_delay;
-        let is_comparable = self.gain_without_delay || healthy.windows > 0;
-        let found = setpoint_delay(window, self.torque_scale).filter(|_| is_comparable);
-        let used = found.as_ref().filter(|_| !is_healthy);
-        let (mut gain, residual) = gain_ratio(window, self.gain_half_width_s, self.law_knowledge(used))?;
-        if let Some(found) = used {
-            let of_mean = healthy.scatter / libm::sqrt(healthy.windows.max(1) as f64);
-            let sigma = libm::hypot(found.delay_s.sigma, of_mean);
-            gain.sigma = libm::hypot(gain.sigma, found.gain_per_s * sigma);
-        }
-        Ok((gain, residual))
-    }
-
-    /// Readings of all elements of one window, and its torque balance; the gain relative to that of healthy windows, where it is
-    /// known, scales what the set point adds to the torque. Without one the window is healthy.
-    pub(super) fn readings<S: RecordedSample>(
-        &self,
-        window: &MeasuredWindow<'_, S>,
-        healthy_gain: Option<&Baseline>,
-    ) -> (ElementReadings, Balance) {
-        let gain = self.gain_in_time(window, healthy_gain.is_none());
-        let turns = healthy_gain.map_or(Turns::Healthy, |_| Turns::InUse);
-        let relative_gain = match (gain, healthy_gain) {
-            (Ok((gain, _)), Some(healthy)) if healthy.windows > 0 => {
-                (gain.value / healthy.mean).clamp(MIN_GAIN, MAX_GAIN)
-            }
-            _ => 1.0,
-        };
-        let TorqueBalance {
-            mut readings,
-            load,
-            load_sigma,
-            residual_rms,
-            rows,
-            independent,
-            shorted,
-        } = torque_balance(window, &self.balance, relative_gain, Some(&self.covariance), turns);
-        let friction = self.balance.of(Term::DryFriction) / self.balance.of(Term::Inertia);
-        let deceleration = libm::fabs(friction) / window.params().transmission.gear_ratio;
-        let transmission = &self.residual[Relation::Transmission as usize];
-        let holding = libm::fabs(self.balance.of(Term::DryFriction)) * window.params().transmission.gear_ratio;
-        let flanks = Flanks::of(window, &load, holding);
-        let torque = Residual {
-            rms: residual_rms,
-            independent,
-        };
-        let is_hit = self.residual[Relation::TorqueBalance as usize].relative(torque) > PLAY_RESIDUAL;
-        let of_held = (flanks.may_be_held() && is_hit).then_some(REACH_SHARE_BENDING);
-        let reach_share = self.reach_share().or(of_held);
-        let play = play_width(window, transmission, deceleration, reach_share, is_hit, &flanks);
-        readings.put(Element::Backlash, play.map(|play| play.width));
-        readings.put(Element::Gain, gain.map(|(gain, _)| gain));
-        (
-            readings,
-            Balance {
-                load,
-                load_sigma,
-                residuals: [
-                    torque,
-                    gain.map_or(Residual::default(), |(_, residual)| residual),
-                    play.map_or(Residual::default(), |play| play.residual),
-                ],
-                flanks,
-                play_share: play.map_or(0.0, |play| play.reach_share),
-                rows,
-                shorted,
-            },
-        )
-    }
-}
-
-/// What the relations say besides the elements.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Balance {
-    pub(super) load: OutputLoad,
-    pub(super) load_sigma: Option<f64>,
-    /// Residual of each relation, in the order of [`Relation::ALL`].
-    pub(super) residuals: [Residual; RELATION_COUNT],
-    /// Flanks of the play that the load leaves to the motion.
-    flanks: Flanks,
-    /// Standard deviation of a play that is the reach of the output as a share of it; else 0.
-    play_share: f64,
-    rows: usize,
-    /// Phase and admittance of a shorted loop, 1/Ω.
-    shorted: Option<(usize, Reading)>,
-}

@@ -75,8 +75,10 @@ pub enum Needed {
     BothDirections,
     /// More current, so that the phases' torques stand out of the residual.
     MoreCurrent,
-    /// A reversal of the output through the play, without a load that holds it at one flank.
+    /// A reversal of the output through the play.
     Reversal,
+    /// A reversal of the output where no load holds it at one flank: a worn play would look like a healthy one.
+    OpenReversal,
     /// Position mode; elsewhere the position gain has no effect.
     PositionMode,
     /// More samples with neither speed nor torque at their limits, while the position error changes.

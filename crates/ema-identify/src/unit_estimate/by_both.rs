@@ -2,20 +2,20 @@
 
 use super::UnitEstimate;
 use crate::estimate::Estimate;
-use crate::relations::Needed;
 use ema_models::{FAULT_COUNT, FaultId, FaultVector, Unknowns};
 
 /// Each fault by the estimate with the smaller sigma, cost and residual by the relations; where one of the two does not explain the
 /// window, the other one alone. The monitor knows no shorted loop: with one the relations alone. Nor does it know a load that closes the
-/// play: a backlash that needs a reversal stays unseen.
+/// play: a backlash that needs a reversal without such a load stays unseen.
 #[must_use]
 pub fn of_both(relations: UnitEstimate, monitor: UnitEstimate) -> UnitEstimate {
     if monitor.estimate.is_unmodelled() || relations.bridge_spread.iter().any(|&spread| spread > 0.0) {
         return relations;
     }
     if relations.estimate.is_unmodelled() {
-        return monitor;
+        return monitor.in_place_of(&relations);
     }
+    let is_closed = relations.is_play_closed();
     let mut k = relations.estimate.fault.to_array();
     let UnitEstimate {
         estimate,
@@ -26,7 +26,6 @@ pub fn of_both(relations: UnitEstimate, monitor: UnitEstimate) -> UnitEstimate {
     let (mut sigma, mut share, mut observable) = (estimate.sigma, estimate.share, estimate.observable);
     let of_monitor = monitor.estimate.fault.to_array();
     let backlash = FaultId::Backlash.parameter();
-    let is_closed = needed[backlash] == Some(Needed::Reversal);
     for (from, to) in elements().filter(|&(from, _)| !(is_closed && from == backlash)) {
         if shown(&monitor.estimate, from) < shown(&estimate, from) {
             let range = from..=to;
@@ -84,6 +83,7 @@ fn shown(estimate: &Estimate, parameter: usize) -> f64 {
 pub(super) mod tests {
     use super::*;
     use crate::estimate::UNMODELLED_COST;
+    use crate::relations::{Needed, Relation};
     use ema_models::MotorDeviation;
     use std::vec::Vec;
 
@@ -148,15 +148,41 @@ pub(super) mod tests {
         unmodelled.estimate.cost = 2.0 * UNMODELLED_COST;
         assert_eq!(of_both(unmodelled, monitor.clone()), monitor);
     }
+
+    /// Relations that do not show the backlash, for want of this.
+    fn without_backlash(needed: Needed) -> UnitEstimate {
+        let mut relations = estimate([0.0; FAULT_COUNT], [Some(0.01); FAULT_COUNT]);
+        relations.estimate = relations.estimate.without(&[FaultId::Backlash]);
+        relations.needed[FaultId::Backlash.parameter()] = Some(needed);
+        relations
+    }
+
     #[test]
-    fn a_play_that_a_load_closes_is_none_of_the_monitors() {
-        let sigma = [Some(0.01); FAULT_COUNT];
-        let mut relations = estimate([0.0; FAULT_COUNT], sigma);
+    fn a_play_that_a_load_closes_is_none_of_the_monitors_and_an_uncertain_one_is() {
+        let monitor = estimate([0.0; FAULT_COUNT], [Some(0.02); FAULT_COUNT]);
         let backlash = FaultId::Backlash.parameter();
-        relations.estimate.sigma[backlash] = None;
-        relations.estimate.observable[backlash] = false;
-        relations.needed[backlash] = Some(Needed::Reversal);
-        let both = of_both(relations, estimate([0.0; FAULT_COUNT], sigma));
-        assert!(both.estimate.sigma[backlash].is_none() && both.needed[backlash] == Some(Needed::Reversal));
+        let closed = of_both(without_backlash(Needed::OpenReversal), monitor.clone());
+        assert!(closed.estimate.sigma[backlash].is_none() && closed.needed[backlash] == Some(Needed::OpenReversal));
+        let uncertain = of_both(without_backlash(Needed::Reversal), monitor);
+        assert!(uncertain.estimate.sigma[backlash].is_some() && uncertain.needed[backlash].is_none());
+    }
+
+    #[test]
+    fn a_monitor_in_place_of_relations_shows_no_play_that_a_load_closes() {
+        let monitor = estimate([0.0; FAULT_COUNT], [Some(0.02); FAULT_COUNT]);
+        let backlash = FaultId::Backlash.parameter();
+        let is_shown = |found: &UnitEstimate| found.estimate.observable[backlash];
+        for (needed, shown) in [(Needed::OpenReversal, false), (Needed::Reversal, true)] {
+            let mut relations = without_backlash(needed);
+            relations.estimate.cost = 2.0 * UNMODELLED_COST;
+            let of_both = of_both(relations.clone(), monitor.clone());
+            let alone = monitor.clone().in_place_of(&relations);
+            assert!(is_shown(&of_both) == shown && is_shown(&alone) == shown, "{needed:?}");
+            assert_eq!(alone.needed[backlash], (!shown).then_some(needed));
+        }
+        // An output that does not follow the motor through any play.
+        let mut relations = estimate([0.0; FAULT_COUNT], [Some(0.01); FAULT_COUNT]);
+        relations.unexplained = std::vec![Relation::TorqueBalance, Relation::Transmission];
+        assert!(!is_shown(&monitor.in_place_of(&relations)));
     }
 }

@@ -2,15 +2,15 @@
 
 use std::sync::Arc;
 
-use ema_models::{ActuatorParams, SensedSample, Setpoint};
+use ema_models::{ActuatorParams, SensedSample};
 
+use super::begun_by::BegunBy;
 use super::free_zero::move_set_point_to_rest;
 use crate::config::ActuatorConfig;
 use crate::history::RunEnd;
 use crate::log_map::Quantity;
 use crate::outbox::{Outbox, WindowJob};
 use crate::sample::{MeasuredConditions, SampleRate};
-use crate::sensor_checks::{UncutMotions, UnseenMotion};
 use crate::window::{Window, WindowConfig, Windower};
 
 /// Made with the first sample whose rate is known.
@@ -27,15 +27,12 @@ pub(super) struct ReadyWindowing {
     /// Parameters with the sample rate of the windows.
     params: ActuatorParams,
     pub(super) windower: Windower,
-    pub(super) unseen: UnseenMotion,
-    /// Where there is no set point.
-    pub(super) uncut: Option<UncutMotions>,
+    /// What begins the windows.
+    pub(super) begun_by: BegunBy,
     /// Samples with a mode other than idle; without set point those in motion.
     operating: u64,
     /// Time of operation before, s.
     operated_before_s: f64,
-    /// Motor counts of the sample before, where there is no set point.
-    pub(super) motor_counts: Option<i64>,
 }
 
 impl Windowing {
@@ -84,12 +81,7 @@ impl Windowing {
                 })
                 .map(|windower| {
                     Self::Ready(Box::new(ReadyWindowing {
-                        unseen: UnseenMotion::new(&params, window_config.trigger_position_rad),
-                        uncut: (!actuator.has_set_point()).then(|| {
-                            let config = &window_config;
-                            UncutMotions::new(&params, config.trigger_position_rad, config.rest_ms)
-                        }),
-                        motor_counts: (!actuator.has_set_point()).then_some(i64::MIN),
+                        begun_by: BegunBy::of(actuator, &params, &window_config),
                         params,
                         windower: if rate.is_measured {
                             windower.at_device_time()
@@ -118,17 +110,7 @@ impl Windowing {
 
 impl ReadyWindowing {
     pub(super) fn count_operation(&mut self, sample: &SensedSample) {
-        /// One count is the noise of a sensor at rest.
-        const STILL_COUNTS: u64 = 1;
-        let is_operating = match &mut self.motor_counts {
-            Some(before) => {
-                let moved = before.abs_diff(sample.motor_counts) > STILL_COUNTS && *before != i64::MIN;
-                *before = sample.motor_counts;
-                moved
-            }
-            None => sample.setpoint != Setpoint::Idle,
-        };
-        self.operating += u64::from(is_operating);
+        self.operating += u64::from(self.begun_by.is_operating(sample));
     }
 
     pub(super) fn job(
@@ -160,16 +142,6 @@ impl ReadyWindowing {
     fn operated_s(&self) -> f64 {
         self.operated_before_s + self.operating as f64 / self.params.sensors.sample_rate
     }
-}
-
-/// What the trigger saw of motion without a window; the set point of a drive is what was overheard.
-pub(super) fn unseen_notice(actuator: &ActuatorConfig, sentence: &str) -> String {
-    let hint = if actuator.drive_bus.is_some() {
-        "; the set point of a drive is overheard: without it, set_point = false begins windows by motion"
-    } else {
-        ""
-    };
-    format!("{}: {sentence}{hint}", actuator.name)
 }
 
 /// What to do about a rate that no window can have.

@@ -5,7 +5,7 @@ use super::{AssessError, Assessor, conditions};
 use crate::outbox::WindowJob;
 use crate::outliers::grants_runs;
 use crate::sensor_checks::rivals::{BETTER, Verdict, accuses_all_phases_alike, compare, is_doubtful};
-use crate::sensor_checks::{Correction, Finding, Suspect, examine, setpoint_time};
+use crate::sensor_checks::{Correction, Finding, Suspect, angle_time, examine, setpoint_time};
 use crate::window::{Defect, Degradation, Invalidity, WindowQuality};
 use ema_identify::effort::Effort;
 use ema_models::FaultId;
@@ -54,7 +54,7 @@ impl Assessor {
                     .estimate(&mut other, conditions, effort)?
                     .map(|assessed| BySignals {
                         assessed: self
-                            .without_gain_by_scale(assessed, &findings)
+                            .hide_gain_beside_ratio(assessed, &findings)
                             .widened(CORRECTED_FACTOR),
                         corrected: other,
                         unchecked: false,
@@ -82,14 +82,20 @@ impl Assessor {
             let is_repeated = |handicap: &Degradation| matches!(handicap, Degradation::Repeated(_));
             suspects.extend(handicaps.iter().any(is_repeated).then_some(Suspect::RepeatedSamples));
         }
-        let (open, mut findings): (Vec<Finding>, Vec<Finding>) =
-            examine(job).into_iter().partition(|finding| finding.or_part);
-        // What is learnt holds for set points that are logged as they are.
-        if findings.is_empty() && !is_learning && job.actuator.has_output_angle() {
-            findings.extend(self.setpoint_time(job));
-        }
-        report(&findings, suspects, reasons);
         let mut corrected = job.clone();
+        // What is learnt holds for angles and set points that are logged as they are.
+        let is_timed = !is_learning && job.actuator.has_output_angle();
+        let older_angle = if is_timed { self.angle_time(job) } else { None };
+        if let Some(correction) = older_angle.as_ref().and_then(|finding| finding.correction) {
+            correction.apply(&mut corrected);
+        }
+        let (open, mut findings): (Vec<Finding>, Vec<Finding>) =
+            examine(&corrected).into_iter().partition(|finding| finding.or_part);
+        if findings.is_empty() && is_timed {
+            findings.extend(self.setpoint_time(&corrected));
+        }
+        report(older_angle.as_slice(), suspects, reasons);
+        report(&findings, suspects, reasons);
         for finding in &findings {
             match finding.correction {
                 Some(correction) => correction.apply(&mut corrected),
@@ -108,7 +114,12 @@ impl Assessor {
         };
         let grants = |assessed: &Assessed| grants_runs(effort, assessed.estimate.evaluations, job.length_s());
         let mut unchecked = false;
-        if !findings.is_empty() {
+        if older_angle.is_some() {
+            // No part makes one angle older than the other: the window as received is no rival.
+            assessed = self
+                .hide_gain_beside_ratio(assessed, &findings)
+                .widened(CORRECTED_FACTOR);
+        } else if !findings.is_empty() {
             unchecked = !grants(&assessed);
             let as_received = if unchecked {
                 None
@@ -124,7 +135,7 @@ impl Assessor {
                     as_received
                 }
                 None => self
-                    .without_gain_by_scale(assessed, &findings)
+                    .hide_gain_beside_ratio(assessed, &findings)
                     .widened(CORRECTED_FACTOR),
             };
         }
@@ -159,15 +170,20 @@ impl Assessor {
 
     /// Without a gain that is not the healthy one where the output turns by another ratio than the motor: where output angle and set point are
     /// both logged in a wrong scale, the controller seems to act on so much less or more of their difference.
-    fn without_gain_by_scale(&self, mut assessed: Assessed, findings: &[Finding]) -> Assessed {
+    fn hide_gain_beside_ratio(&self, mut assessed: Assessed, findings: &[Finding]) -> Assessed {
         let is_ratio = |finding: &Finding| matches!(finding.correction, Some(Correction::GearRatio(_)));
-        let estimate = &mut assessed.estimate;
-        if findings.iter().any(is_ratio) && estimate.fault.damage_of(FaultId::Gain) >= self.watch_level() {
-            let gain = FaultId::Gain.parameter();
-            (estimate.observable[gain], estimate.sigma[gain]) = (false, None);
+        let damage = assessed.estimate.fault.damage_of(FaultId::Gain);
+        if findings.iter().any(is_ratio) && damage >= self.watch_level() {
+            assessed = assessed.without(&[FaultId::Gain]);
             assessed.reasons.push(GAIN_OR_SCALE.to_owned());
         }
         assessed
+    }
+
+    /// The angle that is older than the other one.
+    fn angle_time(&self, job: &WindowJob) -> Option<Finding> {
+        let unit = self.models.unit(&job.actuator)?;
+        angle_time(job, &unit.relations.as_ref()?.commissioned)
     }
 
     /// The set point that is logged before or after its effect.

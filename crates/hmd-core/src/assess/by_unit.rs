@@ -33,13 +33,12 @@ impl Assessed {
         }
     }
 
-    /// The same without these faults, which the window does not show then.
-    pub(super) fn without(mut self, faults: &[FaultId]) -> Self {
-        for fault in faults {
-            self.estimate.observable[fault.parameter()] = false;
-            self.estimate.sigma[fault.parameter()] = None;
+    /// The same without these faults: see [`Estimate::without`].
+    pub(super) fn without(self, faults: &[FaultId]) -> Self {
+        Self {
+            estimate: self.estimate.without(faults),
+            ..self
         }
-        self
     }
 }
 
@@ -98,8 +97,7 @@ pub(super) fn estimate(
                 match fallback {
                     Some((fit, by_monitor)) if !by_monitor.estimate.is_unmodelled() => {
                         reasons.push("assessed by the monitor".to_owned());
-                        let is_rigid = !found.unexplained.contains(&Relation::Transmission);
-                        Some((fit, if is_rigid { by_monitor } else { without_play(by_monitor) }))
+                        Some((fit, by_monitor.in_place_of(&found)))
                     }
                     _ => Some((fit, found)),
                 }
@@ -271,14 +269,6 @@ fn factor_beyond_healthy(monitor: &UnitMonitor, found: &UnitEstimate) -> f64 {
     (found.estimate.cost / monitor.cost).max(1.0)
 }
 
-/// An estimate of the monitor, whose gear is rigid, where the output does not follow the motor through any play.
-fn without_play(mut found: UnitEstimate) -> UnitEstimate {
-    let place = FaultId::Backlash.parameter();
-    found.estimate.sigma[place] = None;
-    found.estimate.observable[place] = false;
-    found
-}
-
 /// Whether the monitor may explain a window that the torque balance does not, or hardly does, where samples are coarser than at
 /// commissioning: it explains the unit's healthy windows as well as those of its type, and the motor turns.
 fn may_fall_back(found: &UnitEstimate, monitor: &UnitMonitor, is_coarser: bool) -> bool {
@@ -357,6 +347,7 @@ pub(crate) fn needed_in_words(needed: Needed) -> &'static str {
         Needed::BothDirections => "motion in both directions",
         Needed::MoreCurrent => "more current",
         Needed::Reversal => "a reversal of the output",
+        Needed::OpenReversal => "a reversal without a load that closes the play",
         Needed::PositionMode => "position mode",
         Needed::UnsaturatedControl => "control off its limits",
         Needed::NarrowPlay => "a narrower play",

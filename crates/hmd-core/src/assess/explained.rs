@@ -13,6 +13,7 @@ use super::by_signals::{BySignals, CORRECTED_FACTOR, in_words};
 use super::by_unit::{self, Assessed, OF_THE_ROTOR};
 use super::{AssessError, Assessor, conditions, unseen};
 use crate::config::SearchMethod;
+use crate::log_map::LogMap;
 use crate::motion::{ONE_WAY_FACTOR, moves_one_way};
 use crate::outbox::WindowJob;
 use crate::outliers::grants_runs;
@@ -209,22 +210,17 @@ impl Assessor {
         conditions: Conditions,
         effort: &Effort<'_>,
     ) -> Result<Option<Assessed>, AssessError> {
-        let mut found = self.estimate_of_all(job, conditions, effort)?;
-        if let (Some(assessed), Some(log)) = (&mut found, &job.actuator.log) {
-            let estimate = &mut assessed.estimate;
-            for fault in log.gaps().flat_map(|gap| gap.hides()) {
-                estimate.observable[fault.parameter()] = false;
-                estimate.sigma[fault.parameter()] = None;
-            }
+        let Some(mut assessed) = self.estimate_of_all(job, conditions, effort)? else {
+            return Ok(None);
+        };
+        for gap in job.actuator.log.as_deref().into_iter().flat_map(LogMap::gaps) {
+            assessed = assessed.without(gap.hides());
         }
-        if let (Some(assessed), false) = (&mut found, job.actuator.has_output_angle())
-            && self.setpoint_time(job).is_some()
-        {
-            let gain = FaultId::Gain.parameter();
-            (assessed.estimate.observable[gain], assessed.estimate.sigma[gain]) = (false, None);
+        if !job.actuator.has_output_angle() && self.setpoint_time(job).is_some() {
+            assessed = assessed.without(&[FaultId::Gain]);
             assessed.reasons.push(PLAY_OR_DELAY.to_owned());
         }
-        Ok(found)
+        Ok(Some(assessed))
     }
 
     fn estimate_of_all(

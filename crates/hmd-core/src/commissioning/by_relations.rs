@@ -103,13 +103,13 @@ pub(super) fn learn_relations(jobs: &[WindowJob], seen: &Seen) -> Result<Relatio
 const ECCENTRICITY: usize = FaultVector::ECCENTRICITY_PHASE_INDEX - 1;
 
 impl RelationsLearnt {
-    /// Whether a load closes the play in most windows, or nothing turns back in them: the monitor, which knows no such load, shows it no more.
+    /// Whether a load closes the play in most windows: the monitor, which knows no such load, shows it no more.
     pub(super) fn is_play_closed(&self) -> bool {
         let backlash = FaultId::Backlash.parameter();
         let closed = self
             .left_out
             .iter()
-            .filter(|found| found.needed[backlash] == Some(Needed::Reversal));
+            .filter(|found| found.needed[backlash] == Some(Needed::OpenReversal));
         2 * closed.count() > self.left_out.len()
     }
 

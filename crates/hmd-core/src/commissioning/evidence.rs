@@ -22,7 +22,7 @@ const SIGMA_SMALL: f64 = 0.03;
 /// How well an estimator knows a unit.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Evidence {
-    /// Sigma of each damage in a healthy window, in the order of [`FaultId::ALL`]; `None` where most windows do not show it.
+    /// Sigma of each damage in a healthy window, in the order of [`FaultId::ALL`]; `None` where fewer than half of the windows show it.
     sigma: [Option<f64>; FaultId::COUNT],
     /// Share of the windows that are explained.
     pub(super) explained: f64,

@@ -315,7 +315,7 @@ pub(super) fn curves(jobs: &[WindowJob], relations: &UnitRelations, seen: &Seen)
     best.map_or((0, Vec::new()), |(number, (_, curves))| (number, curves))
 }
 
-/// What the windows needed most often to show a fault that most of them do not.
+/// What the windows needed most often to show a fault that half of them or more do not.
 pub(super) fn needed(left_out: &[[Option<Needed>; FAULT_COUNT]]) -> [Option<&'static str>; FaultId::COUNT] {
     FaultId::ALL.map(|fault| {
         let found: Vec<&'static str> = left_out

@@ -328,19 +328,24 @@ pub fn accused_by_reading(estimate: &Estimate, rival: &Estimate, level: f64) -> 
 /// Standard deviations by which the turns of a phase are less than none.
 const NEGATIVE_SIGMAS: f64 = 4.0;
 
-/// What is wrong where the motion needs a current of the other sign: the worst winding has no turns, none less than that.
+/// What is wrong where the motion needs a current of the other sign, and in which phases: the worst winding has no turns, none less than that.
 #[must_use]
 pub fn reversed_current(estimate: &Estimate) -> Option<[Suspicion; 2]> {
-    let shown = estimate.inferred.turns.into_iter().flatten();
-    of_least_turns(shown.min_by(|a, b| a.value.total_cmp(&b.value))?)
+    of_turns(&estimate.inferred.turns)
 }
 
-fn of_least_turns(turns: Inferred) -> Option<[Suspicion; 2]> {
-    (turns.value < -NEGATIVE_SIGMAS * turns.sigma).then(|| {
-        let evidence = format!(
-            "the motion needs {:.1} ± {:.1} times the torque of a phase current",
-            turns.value, turns.sigma
-        );
+/// Of the turns of each phase that a window shows, 1.
+fn of_turns(turns: &[Option<Inferred>; 3]) -> Option<[Suspicion; 2]> {
+    let is_reversed = |turns: &Inferred| turns.value < -NEGATIVE_SIGMAS * turns.sigma;
+    let reversed: Vec<String> = ['a', 'b', 'c']
+        .into_iter()
+        .zip(turns)
+        .filter_map(|(phase, turns)| Some((phase, turns.filter(is_reversed)?)))
+        .map(|(phase, Inferred { value, sigma })| format!("in phase {phase} {value:.1} ± {sigma:.1}"))
+        .collect();
+    (!reversed.is_empty()).then(|| {
+        let phases = reversed.join(", ");
+        let evidence = format!("the torque has the other sign than the current: {phases} of the healthy one");
         [Suspect::CurrentSign, Suspect::PhaseOrder].map(|suspect| Suspicion {
             suspect,
             sentence: format!("{suspect}: {evidence}"),
@@ -353,19 +358,24 @@ mod tests {
     use super::*;
 
     #[test]
-    fn turns_less_than_none_are_a_reversed_current_and_no_short() {
-        let of = |value, sigma| of_least_turns(Inferred { value, sigma });
-        assert_eq!(of(0.0, 0.05), None);
-        assert_eq!(of(-0.3, 0.1), None);
-        let [sign, order] = of(-1.0, 0.2).expect("less than none");
+    fn turns_less_than_none_are_a_reversed_current_of_that_phase_and_no_short() {
+        let of = |turns: [(f64, f64); 3]| of_turns(&turns.map(|(value, sigma)| Some(Inferred { value, sigma })));
+        assert_eq!(of([(1.0, 0.05), (0.0, 0.05), (-0.3, 0.1)]), None);
+        let [sign, order] = of([(1.0, 0.05), (-1.0, 0.2), (0.9, 0.05)]).expect("less than none");
         assert_eq!(
             (sign.suspect, order.suspect),
             (Suspect::CurrentSign, Suspect::PhaseOrder)
         );
+        assert_eq!(
+            sign.sentence,
+            "current sign: the torque has the other sign than the current: in phase b -1.0 ± 0.2 of the healthy one"
+        );
+        let [two, _] = of([(-0.9, 0.1), (-1.0, 0.2), (0.9, 0.05)]).expect("less than none");
         assert!(
-            sign.sentence.starts_with("current sign: the motion needs -1.0 ± 0.2"),
+            two.sentence
+                .ends_with("in phase a -0.9 ± 0.1, in phase b -1.0 ± 0.2 of the healthy one"),
             "{}",
-            sign.sentence
+            two.sentence
         );
     }
 }

@@ -6,16 +6,11 @@
 
 use ema_models::{ActuatorParams, SensedSample, Setpoint};
 
+use super::moved::{MotionLimits, Moved};
 use super::suspect::Suspect;
 
 /// Time after the first motion that is left for a window, s.
 const PATIENCE_S: f64 = 60.0;
-
-/// Travel of the output that is a motion, in thresholds of the trigger.
-const MOTION_THRESHOLDS: f64 = 10.0;
-
-/// Current that moves the actuator, share of I_max: nothing else turns it.
-const CURRENT_SHARE: f64 = 0.05;
 
 /// Ratio of travel and set point that is another unit.
 const UNIT_MIN: f64 = 8.0;
@@ -23,15 +18,12 @@ const UNIT_MIN: f64 = 8.0;
 /// Watches the samples of one actuator until its first window.
 #[derive(Clone, Debug)]
 pub struct UnseenMotion {
-    motion_rad: f64,
-    rad_per_motor_count: f64,
-    current_min_a: f64,
+    limits: MotionLimits,
     period_s: f64,
-    first_counts: Option<i64>,
-    counts: (i64, i64),
+    /// Since the first sample.
+    moved: Option<Moved>,
     angle: Range,
     speed: Range,
-    current_max_a: f64,
     active: u64,
     /// Samples since the motion began.
     since_motion: Option<u64>,
@@ -59,15 +51,11 @@ impl UnseenMotion {
     #[must_use]
     pub fn new(params: &ActuatorParams, trigger_rad: f64) -> Self {
         Self {
-            motion_rad: MOTION_THRESHOLDS * trigger_rad,
-            rad_per_motor_count: params.sensors.motor_lsb() / params.transmission.gear_ratio,
-            current_min_a: CURRENT_SHARE * params.motor.i_max,
+            limits: MotionLimits::new(params, trigger_rad),
             period_s: 1.0 / params.sensors.sample_rate,
-            first_counts: None,
-            counts: (0, 0),
+            moved: None,
             angle: Range::NONE,
             speed: Range::NONE,
-            current_max_a: 0.0,
             active: 0,
             since_motion: None,
             is_done: false,
@@ -84,21 +72,19 @@ impl UnseenMotion {
         if self.is_done {
             return None;
         }
-        let turned = sample
-            .motor_counts
-            .saturating_sub(*self.first_counts.get_or_insert(sample.motor_counts));
-        self.counts = (self.counts.0.min(turned), self.counts.1.max(turned));
+        let limits = self.limits;
+        let moved = self
+            .moved
+            .get_or_insert_with(|| Moved::since(sample.motor_counts, limits));
+        moved.push(sample);
+        let is_motion = moved.is_motion();
         match sample.setpoint {
             Setpoint::Idle => {}
             Setpoint::Position(angle) => self.angle.add(angle),
             Setpoint::Speed(speed) => self.speed.add(speed),
         }
         self.active += u64::from(sample.setpoint != Setpoint::Idle);
-        self.current_max_a = sample
-            .currents
-            .iter()
-            .fold(self.current_max_a, |max, i| max.max(i.abs()));
-        if self.moved() {
+        if is_motion {
             let samples = self.since_motion.get_or_insert(0);
             *samples += 1;
             if *samples as f64 * self.period_s > PATIENCE_S {
@@ -110,14 +96,12 @@ impl UnseenMotion {
 
     /// End of the traffic, or of the patience: the sentence where there was motion and no window.
     pub fn finish(&mut self) -> Option<String> {
-        if self.is_done || !self.moved() {
-            return None;
-        }
+        let moved = self.moved.filter(|moved| !self.is_done && moved.is_motion())?;
         self.is_done = true;
-        let travel = self.travel_rad();
+        let travel = moved.travel_rad();
         let seen = format!(
             "no window, while the output turned by {travel:.3} rad with up to {:.1} A",
-            self.current_max_a
+            moved.current_max_a()
         );
         let commanded = self.angle.span();
         Some(if self.active == 0 {
@@ -136,14 +120,6 @@ impl UnseenMotion {
         } else {
             format!("{seen}: the set point moved by {commanded:.3} rad and did not rest before")
         })
-    }
-
-    fn travel_rad(&self) -> f64 {
-        self.counts.1.abs_diff(self.counts.0) as f64 * self.rad_per_motor_count
-    }
-
-    fn moved(&self) -> bool {
-        self.travel_rad() > self.motion_rad && self.current_max_a > self.current_min_a
     }
 }
 

@@ -7,11 +7,8 @@ use std::collections::VecDeque;
 
 use ema_models::{ActuatorParams, SensedSample};
 
+use super::moved::{MotionLimits, Moved};
 use crate::counted::counted;
-
-/// Travel of the output that is a motion, in thresholds of the trigger, and the current that moves it, share of I_max.
-const TRAVEL_THRESHOLDS: f64 = 10.0;
-const CURRENT_SHARE: f64 = 0.05;
 
 /// Travel within half the rest from which on the motor no longer creeps: in thresholds of the trigger, and in counts. That which begins a
 /// window.
@@ -23,11 +20,9 @@ const OVER: usize = 10;
 
 /// Watches the samples of one actuator that lie in no window.
 #[derive(Clone, Debug)]
-pub struct UncutMotions {
-    travel_min_rad: f64,
+pub struct MotionsWithoutWindow {
+    limits: MotionLimits,
     fast_rad: f64,
-    rad_per_motor_count: f64,
-    current_min_a: f64,
     rest_ms: f64,
     /// Motor counts over half the rest, the oldest first.
     counts: VecDeque<i64>,
@@ -35,29 +30,20 @@ pub struct UncutMotions {
     last_seq: Option<u64>,
     /// Samples since the motor was fast, or in a window.
     slow: usize,
-    motion: Option<Motion>,
+    /// The motion that goes on.
+    motion: Option<Moved>,
     number: u64,
 }
 
-/// A motion that goes on.
-#[derive(Clone, Copy, Debug)]
-struct Motion {
-    from: i64,
-    travel_rad: f64,
-    current_max_a: f64,
-}
-
-impl UncutMotions {
+impl MotionsWithoutWindow {
     /// For an actuator whose windows begin where it stood for half of `rest_ms` and then moves, with a threshold of `trigger_rad`.
     #[must_use]
     pub fn new(params: &ActuatorParams, trigger_rad: f64, rest_ms: f64) -> Self {
-        let rad_per_motor_count = params.sensors.motor_lsb() / params.transmission.gear_ratio;
+        let limits = MotionLimits::new(params, trigger_rad);
         let half = (0.5e-3 * rest_ms * params.sensors.sample_rate).ceil().max(1.0) as usize;
         Self {
-            travel_min_rad: TRAVEL_THRESHOLDS * trigger_rad,
-            fast_rad: (FAST_THRESHOLDS * trigger_rad).max(FAST_COUNTS * rad_per_motor_count),
-            rad_per_motor_count,
-            current_min_a: CURRENT_SHARE * params.motor.i_max,
+            limits,
+            fast_rad: (FAST_THRESHOLDS * trigger_rad).max(FAST_COUNTS * limits.rad_per_motor_count()),
             rest_ms,
             counts: VecDeque::with_capacity(half + 1),
             half,
@@ -70,14 +56,13 @@ impl UncutMotions {
 
     /// Takes a sample; the sentence where it ends the first motion without a window.
     pub fn push(&mut self, seq: u64, sample: &SensedSample, is_in_window: bool) -> Option<String> {
-        // What lies between two samples that do not follow each other is not known.
-        if self
-            .last_seq
-            .replace(seq)
-            .is_none_or(|last| last.wrapping_add(1) != seq)
-        {
+        let last = self.last_seq.replace(seq);
+        if last.is_none_or(|last| last.wrapping_add(1) != seq) {
+            // What lies between is not known: a motion ends with what was seen of it, and another one begins after a rest.
             self.counts.clear();
-            (self.motion, self.slow) = (None, 0);
+            self.counts.push_back(sample.motor_counts);
+            self.slow = 0;
+            return self.end_motion();
         }
         if self.counts.len() > self.half {
             self.counts.pop_front();
@@ -89,27 +74,17 @@ impl UncutMotions {
             return self.end_motion();
         }
         let from = *self.counts.front().filter(|_| self.counts.len() > self.half)?;
-        let is_fast = self.rad(from, sample.motor_counts) > self.fast_rad;
+        let travel_rad = from.abs_diff(sample.motor_counts) as f64 * self.limits.rad_per_motor_count();
+        let is_fast = travel_rad > self.fast_rad;
         let slow_before = self.slow;
         self.slow = if is_fast { 0 } else { self.slow + 1 };
         let over = OVER * self.half;
         match &mut self.motion {
             // One that goes on behind a window is part of it.
-            None if is_fast && slow_before >= over => {
-                self.motion = Some(Motion {
-                    from,
-                    travel_rad: 0.0,
-                    current_max_a: 0.0,
-                });
-            }
+            None if is_fast && slow_before >= over => self.motion = Some(Moved::since(from, self.limits)),
             None => {}
             Some(_) if self.slow > over => return self.end_motion(),
-            Some(motion) => {
-                let travel = motion.from.abs_diff(sample.motor_counts) as f64 * self.rad_per_motor_count;
-                motion.travel_rad = motion.travel_rad.max(travel);
-                let current = sample.currents.iter().fold(0.0_f64, |max, i| max.max(i.abs()));
-                motion.current_max_a = motion.current_max_a.max(current);
-            }
+            Some(motion) => motion.push(sample),
         }
         None
     }
@@ -128,22 +103,14 @@ impl UncutMotions {
     }
 
     fn end_motion(&mut self) -> Option<String> {
-        let motion = self.motion.take()?;
-        if motion.travel_rad <= self.travel_min_rad || motion.current_max_a <= self.current_min_a {
-            return None;
-        }
+        let travel = self.motion.take().filter(Moved::is_motion)?.travel_rad();
         self.number += 1;
-        let travel = motion.travel_rad;
         (self.number == 1).then(|| format!("no window, while the output turned by {travel:.3} rad: {}", self.why()))
     }
 
     fn why(&self) -> String {
         let half = self.rest_ms / 2.0;
         format!("without set point one begins where the motor stood for {half} ms, and it did not")
-    }
-
-    fn rad(&self, from: i64, to: i64) -> f64 {
-        from.abs_diff(to) as f64 * self.rad_per_motor_count
     }
 }
 
@@ -154,15 +121,20 @@ mod tests {
 
     /// What is said of the counts of the motor at these samples, 1 ms apart, under this current; a window is open from `window` on for 480 ms.
     fn said(counts: impl Fn(u64) -> i64, current: f64, window: Option<u64>) -> Vec<String> {
+        said_of((0..2000).map(|seq| (seq, counts(seq))), current, window)
+    }
+
+    /// The same of these samples alone.
+    fn said_of(samples: impl Iterator<Item = (u64, i64)>, current: f64, window: Option<u64>) -> Vec<String> {
         let mut params = ActuatorParams::bench();
         params.sensors.sample_rate = 1000.0;
-        let mut motions = UncutMotions::new(&params, 1e-3, 20.0);
+        let mut motions = MotionsWithoutWindow::new(&params, 1e-3, 20.0);
         let mut said = Vec::new();
-        for seq in 0..2000 {
+        for (seq, motor_counts) in samples {
             let sample = SensedSample {
                 seq,
                 currents: [current, -current, 0.0],
-                motor_counts: counts(seq),
+                motor_counts,
                 output_counts: 0,
                 setpoint: Setpoint::Idle,
             };
@@ -199,6 +171,18 @@ mod tests {
         );
         assert_eq!(two.len(), 2, "{two:?}");
         assert!(two[1].starts_with("2 motions without a window: "), "{two:?}");
+    }
+
+    #[test]
+    fn a_motion_with_a_lost_sample_is_said_and_counted_once() {
+        let counts = |seq| creeps_and_moves(seq, 200) + creeps_and_moves(seq, 1200);
+        let samples = (0..2000).filter(|seq| ![400, 600, 1500].contains(seq));
+        let two = said_of(samples.map(|seq| (seq, counts(seq))), 2.0, None);
+        assert_eq!(two.len(), 2, "{two:?}");
+        assert!(
+            two[0].starts_with("no window, while") && two[1].starts_with("2 motions"),
+            "{two:?}"
+        );
     }
 
     #[test]

@@ -106,9 +106,21 @@ impl Demux {
             self.counts.error += 1;
             return;
         }
-        if self.any_drive && !frame.is_serial() && self.push_of_drive(frame, names) {
+        let has_drives = self.any_drive && !frame.is_serial();
+        if has_drives && self.push_of_drive(frame, names) {
             return;
         }
+        let decoded = self.counts.decoded;
+        self.push_of_device(frame, names);
+        if has_drives && self.counts.decoded == decoded {
+            for (_, joiner) in self.drives.get_mut(&frame.bus).into_iter().flatten() {
+                joiner.hear_other(frame);
+            }
+        }
+    }
+
+    /// Routes a frame by the maps of its bus, or by the built-in dictionary.
+    fn push_of_device(&mut self, frame: &RawFrame, names: &BusNames) {
         if self.any_mapped && !frame.is_serial() && self.push_mapped(frame, names) {
             return;
         }

@@ -17,9 +17,9 @@ mod layout;
 mod moteus;
 mod node;
 mod odrive;
+mod other_frames;
 mod pdo;
 mod sdo;
-mod unread;
 mod vesc;
 
 pub use eds::{EDS_BYTES_MAX, EdsError, ObjectDictionary};

@@ -1,7 +1,7 @@
 //! One recorded log, whatever its format.
 //!
 //! The format is recognised by the first bytes, not by the name. A source is opened up to its first frame, so that a file
-//! that has none is refused at once.
+//! that has none is refused at once, unless it is a segment with marks of a run whose frames are in others.
 
 mod error;
 
@@ -27,6 +27,7 @@ use crate::mdf::{self, MdfReader};
 use hmd_core::config::Config;
 use hmd_core::frame::{BusNames, RawFrame};
 use hmd_storage::mcap::{McapFrames, McapMessages};
+use hmd_storage::mcap_writer::METADATA_NAME;
 use hmd_storage::quoted;
 use hmd_storage::regular_file::open_regular;
 use hmd_storage::segment_store::current_path;
@@ -108,6 +109,11 @@ trait LogReader: Debug {
         Vec::new()
     }
 
+    /// Whether a file without a frame is to be read all the same: it has marks of a run that other files go on with.
+    fn has_marks(&self) -> bool {
+        false
+    }
+
     /// What to say of a file without a frame.
     fn no_frame(&self, file: String, first: Option<Box<Loss>>) -> IngestError;
 }
@@ -158,6 +164,11 @@ impl LogReader for McapFrames<File> {
 
     fn metadata(&self, name: &str) -> Option<&BTreeMap<String, String>> {
         self.messages().metadata(name)
+    }
+
+    fn has_marks(&self) -> bool {
+        let kind = self.metadata(METADATA_NAME).and_then(|found| found.get("segment_kind"));
+        kind.is_some_and(|kind| kind == "raw") && !self.messages().topics().is_empty()
     }
 
     fn no_frame(&self, file: String, first: Option<Box<Loss>>) -> IngestError {
@@ -385,6 +396,7 @@ impl FrameSource {
                     return Ok(());
                 }
                 Some(Err(loss)) => self.lead.push_back(Err(loss)),
+                None if self.reader.has_marks() => return Ok(()),
                 None => break,
             }
         }
@@ -405,6 +417,33 @@ impl Iterator for FrameSource {
 mod tests {
     use super::*;
     use hmd_core::frame::FrameFlags;
+    use hmd_core::record::Ended;
+    use hmd_storage::segment_store::{RealDisk, SegmentStore, raw_segments, records_segments};
+    use std::time::Instant;
+
+    #[test]
+    fn a_segment_with_marks_of_a_run_alone_is_read_and_one_of_records_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let limits = Config::default().output().limits();
+        let mut now = Instant::now();
+        let (none, disk) = (BTreeMap::new(), Box::new(RealDisk));
+        let mut store = SegmentStore::open(folder.path(), &none, limits, disk, now).unwrap();
+        let mut names = BusNames::new();
+        names.intern("can0").unwrap();
+        let frame = RawFrame::new(1, 0, 1, FrameFlags::NONE, &[]).unwrap();
+        store.write_frame(&frame, &names);
+        // The bus falls silent, and the run ends.
+        now += limits.segment_age;
+        store.tick(now);
+        store.write_to_raw(2, &Ended { t_ns: 2 });
+        store.finish();
+        let raw = raw_segments(folder.path()).unwrap();
+        let frames = raw.values().map(|segment| open(&segment.path).unwrap().count());
+        assert_eq!(frames.collect::<Vec<_>>(), [1, 0]);
+        let records = records_segments(folder.path(), 0).unwrap();
+        let refused = open(&records.values().next().unwrap().path);
+        assert!(matches!(refused, Err(IngestError::NoFrames { .. })));
+    }
 
     fn refused(name: &str, content: &[u8]) -> String {
         let folder = tempfile::tempdir().unwrap();

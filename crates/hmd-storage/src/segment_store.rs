@@ -81,13 +81,21 @@ pub struct SegmentStoreEnd {
     pub messages: Vec<(LogLevel, String)>,
 }
 
+/// Frames of a time, which follow none before.
+struct Capture {
+    /// From 0.
+    number: u64,
+    why: String,
+    is_ended: bool,
+}
+
 /// The folder. Call [`SegmentStore::finish`]; a store that is only dropped leaves its segments to the next start.
 pub struct SegmentStore {
     folder: PathBuf,
     limits: Limits,
     metadata: BTreeMap<String, String>,
-    /// Number and reason of the capture that the frames belong to, where not all are stored.
-    capture: Option<(u64, String)>,
+    /// The newest capture, where not all frames are stored.
+    capture: Option<Capture>,
     disk: Arc<dyn Disk>,
     /// The folder, locked; none as long as it cannot be had.
     lock: Option<File>,
@@ -229,13 +237,21 @@ impl SegmentStore {
     /// The next frame does not follow the last one, and begins a capture; its segments tell why it was made.
     pub fn begin_capture(&mut self, why: &str) {
         self.end_capture();
-        let number = self.capture.as_ref().map_or(0, |(number, _)| number + 1);
-        self.capture = Some((number, why.to_owned()));
+        let number = self.capture.as_ref().map_or(0, |capture| capture.number + 1);
+        self.capture = Some(Capture {
+            number,
+            why: why.to_owned(),
+            is_ended: false,
+        });
     }
 
     /// Closes the segment of a capture.
     pub fn end_capture(&mut self) {
         self.close_segment(Kind::Raw);
+        self.raw.forget_marks();
+        if let Some(capture) = &mut self.capture {
+            capture.is_ended = true;
+        }
     }
 
     /// Writes one record; it is on the disk after the next [`SegmentStore::sync_window`] or [`SegmentStore::tick`].
@@ -246,17 +262,29 @@ impl SegmentStore {
     }
 
     /// Writes a record that a replay of the raw frames needs as well.
-    pub fn write_to_both<R: Record>(&mut self, log_time_ns: u64, record: &R) {
+    pub fn write_to_both<R: Record + Clone + Send + 'static>(&mut self, log_time_ns: u64, record: &R) {
         self.write(log_time_ns, record);
         self.write_to_raw(log_time_ns, record);
     }
 
-    /// Writes a record that a replay of the raw frames alone needs.
-    pub fn write_to_raw<R: Record>(&mut self, log_time_ns: u64, record: &R) {
-        if self.raw.name().is_some() {
-            let put = self.raw.write(|writer| writer.write(log_time_ns, record));
+    /// Writes a record that a replay of the raw frames alone needs: into their segment, or one that is begun for it. It waits where the disk
+    /// fails or has no room, and is of no use without frames, or between two captures.
+    pub fn write_to_raw<R: Record + Clone + Send + 'static>(&mut self, log_time_ns: u64, record: &R) {
+        if self.raw.name().is_some() || self.is_amid_frames() {
+            if !self.raw_paused {
+                self.begin(Kind::Raw);
+            }
+            let record = record.clone();
+            let put = self
+                .raw
+                .mark(Box::new(move |writer| writer.write(log_time_ns, &record)));
             self.check(Kind::Raw, put);
         }
+    }
+
+    /// Whether the next frame goes on with those before.
+    fn is_amid_frames(&self) -> bool {
+        self.raw.has_begun() && self.capture.as_ref().is_none_or(|capture| !capture.is_ended)
     }
 
     /// Brings all frames to the disk, then all records, so that no record is there without its frames. Whether the records are there.
@@ -278,8 +306,7 @@ impl SegmentStore {
         for kind in [Kind::Records, Kind::Raw] {
             let synced = self.stream(kind).sync();
             self.check(kind, synced);
-            // That of raw frames stays open until the next frame, so that a decision on a window never comes between two.
-            if kind == Kind::Records && self.stream(kind).is_due(&limits, now) {
+            if self.stream(kind).is_due(&limits, now) {
                 self.close_segment(kind);
             }
         }
@@ -312,6 +339,10 @@ impl SegmentStore {
             repair.stop();
         }
         self.take_repaired();
+        if self.raw.has_waiting_marks() {
+            self.raw.end_pause();
+            self.begin(Kind::Raw);
+        }
         self.close_segment(Kind::Raw);
         self.close_segment(Kind::Records);
         SegmentStoreEnd {
@@ -379,11 +410,11 @@ impl SegmentStore {
         let number = self.next_number;
         self.next_number += 1;
         let mut metadata = self.metadata.clone();
-        if let (Kind::Raw, Some((capture, why))) = (kind, &self.capture) {
+        if let (Kind::Raw, Some(Capture { number, why, .. })) = (kind, &self.capture) {
             // Their frames are no continuation of those of another capture.
             metadata
                 .entry("run".to_owned())
-                .and_modify(|run| run.push_str(&format!("-{capture}")));
+                .and_modify(|run| run.push_str(&format!("-{number}")));
             metadata.insert("capture".to_owned(), why.clone());
         }
         let with = SegmentStart {
@@ -398,7 +429,7 @@ impl SegmentStore {
             Kind::Records => &mut self.records,
         };
         stream.begin(&with)?;
-        if let (Kind::Raw, Some(name), Some((_, why))) = (kind, self.raw.name(), &self.capture) {
+        if let (Kind::Raw, Some(name), Some(Capture { why, .. })) = (kind, self.raw.name(), &self.capture) {
             let closed = name.with_stage(Stage::Closed);
             self.messages
                 .push((LogLevel::Info, format!("storage: frames kept in {closed}: {why}")));

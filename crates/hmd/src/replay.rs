@@ -165,7 +165,7 @@ impl Replay<'_> {
                 run.end_windows()?;
             }
             if matches!(succession, Succession::AnotherRun) {
-                if !run.live.is_cut() {
+                if !run.live.did_not_end() {
                     let ends = run.pipeline.run_ends();
                     let counted = run.assessor.histories().end_run(ends);
                     counted.map_err(AssessError::from)?;
@@ -323,7 +323,7 @@ impl<O: Observer> Run<'_, O> {
         for job in self.pipeline.take_windows() {
             self.windows += 1;
             let key = (job.actuator.name.clone(), job.window.t_start_ns);
-            if !self.live.came_to(&key) {
+            if !self.live.was_decided(&key) {
                 self.left_out += 1;
                 continue;
             }

@@ -13,8 +13,8 @@ use ema_wire::ActuatorId;
 
 use super::layout::{Coding, DriveLayout, DriveMessage, MODE, Place, TIME, Target};
 use super::moteus::{self, Registers};
+use super::other_frames::OtherFrames;
 use super::sdo::SdoListener;
-use super::unread::Unread;
 use super::{DriveBus, DriveMisfit, Preset, vesc};
 use crate::dbc::{DecodedUpdate, Role, Selector, Unit};
 use crate::frame::RawFrame;
@@ -35,7 +35,7 @@ pub struct DriveJoiner {
     is_rewritten: bool,
     rows: Option<Rows>,
     /// What came, until there is a sample.
-    unread: Unread,
+    others: OtherFrames,
 }
 
 /// The row that is being collected.
@@ -76,7 +76,7 @@ impl DriveJoiner {
             sdo,
             is_rewritten: false,
             rows,
-            unread: Unread::default(),
+            others: OtherFrames::default(),
         }
     }
 
@@ -127,14 +127,14 @@ impl DriveJoiner {
             let expected = format!("the parts of a sample within {ms} ms, half a period of sample_rate_hz");
             (expected, "none".to_owned())
         } else {
-            (format!("{} in each sample", missing.join(", ")), self.unread.found())
+            (format!("{} in each sample", missing.join(", ")), self.others.found())
         })
     }
 
     /// The frames that come are of another recording: no command and no condition holds, and nothing was heard. What its master wrote does.
     pub fn begin_recording(&mut self) {
         self.rows = Rows::new(self.actuator, &self.bus);
-        self.unread = Unread::default();
+        self.others = OtherFrames::default();
     }
 
     /// Takes a frame that is for all drives of a bus, a SYNC; whether it is one.
@@ -169,17 +169,25 @@ impl DriveJoiner {
             }
         }
         let (rows, layout) = (self.rows.as_mut()?, self.bus.layout());
-        if !rows.was_whole {
-            self.unread.hear(layout, frame);
-        }
         let mut states = 0;
         for message in &layout.messages {
             if message.is(frame) {
+                if !rows.was_whole {
+                    self.others.hear(layout, frame);
+                }
                 return Some(rows.take(layout, message, states, frame));
             }
             states += message.states();
         }
         None
+    }
+
+    /// Notes a frame that nobody on the bus reads, until there is a sample.
+    pub fn hear_other(&mut self, frame: &RawFrame) {
+        let is_waiting = self.rows.as_ref().is_some_and(|rows| !rows.was_whole);
+        if is_waiting && !frame.is_remote() {
+            self.others.hear(self.bus.layout(), frame);
+        }
     }
 }
 

@@ -166,6 +166,6 @@ fn steps_back(newest_ns: u64, now_ns: u64) -> bool {
 }
 
 /// Whether a clock shows a time since 2000: one without a battery begins in 1970.
-fn is_set(stamp_ns: u64) -> bool {
+pub(super) fn is_set(stamp_ns: u64) -> bool {
     stamp_ns >= 946_684_800_000_000_000
 }

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::maintenance::{Event, EventKind, Events, ReplacedPart};
+use super::clock_steps::is_set;
 use super::{ResumedState, RunEnd, UnitHistory};
 use crate::config::{ActuatorConfig, Config};
 use crate::counted::counted;
@@ -220,7 +221,7 @@ fn follow(
     let of_unit = new_resets(events, name, None, history, t_ns);
     let of_parts = ReplacedPart::ALL.map(|part| new_resets(events, name, Some(part), history, t_ns));
     let mut notices = Vec::new();
-    let mut since_ns = 0;
+    let is_new_unit = !of_unit.is_empty();
     if let Some(newest) = of_unit.into_iter().max_by_key(|event| event.t_ns) {
         let mut anew = UnitHistory::new(config, actuator.serial_number.clone())?;
         anew.followed = history.followed.take();
@@ -229,13 +230,20 @@ fn follow(
         history.begin(events, name, t_ns);
         history.note_replaced("unit");
         notices.push(format!("{name}: history reset by a maintenance event{}", noted(newest)));
-        since_ns = history.begun_ns;
     }
     for (part, new) in ReplacedPart::ALL.into_iter().zip(of_parts) {
-        // Parts of the unit before went with it.
-        let Some(newest) = new.last().filter(|event| event.t_ns > since_ns || since_ns == 0) else {
+        let Some(newest) = new.last() else { continue };
+        // Parts of the unit before went with it. A clock that was never set tells no order.
+        if newest.t_ns <= history.begun_ns && (is_new_unit || is_set(newest.t_ns)) {
+            if !is_new_unit {
+                notices.push(format!(
+                    "{name}: {} replaced before the unit itself was: nothing begins anew; where that time is wrong, record the event again{}",
+                    part.name(),
+                    noted(newest)
+                ));
+            }
             continue;
-        };
+        }
         history.replace(part, newest.t_ns);
         let faults: Vec<&str> = part.faults().iter().map(|fault| fault.plain_name()).collect();
         notices.push(format!(

@@ -360,6 +360,30 @@ fn a_part_that_was_replaced_after_the_unit_is_replaced_too() {
     }
 }
 
+/// That part went with the unit before, however late the event is recorded; a clock that was never set tells no order.
+#[test]
+fn a_part_that_was_replaced_before_the_unit_resets_nothing_of_the_new_one() {
+    let config = config("hours = \"elapsed\"");
+    let unit_ns = job(&config, 0, 91.0, 0.0).window.t_start_ns;
+    let motor = Some(ReplacedPart::Motor);
+    let earlier_ns = unit_ns - 50 * HOUR_NS;
+    for (motor_ns, replaced) in [(earlier_ns, ""), (HOUR_NS, "motor")] {
+        let mut histories = HistoryStore::new(config.clone());
+        wear_out(&mut histories, &config, 0, 10);
+        histories.set_events(events(&[reset(unit_ns, None)]));
+        let assessments = wear_out(&mut histories, &config, 10, 12);
+        assert_eq!(assessments[0].replaced, "unit");
+        histories.take_notices();
+        histories.set_events(events(&[reset(motor_ns, motor), reset(unit_ns, None)]));
+        let assessments = wear_out(&mut histories, &config, 12, 14);
+        assert_eq!([&*assessments[0].replaced, &*assessments[1].replaced], [replaced, ""]);
+        let notices = histories.take_notices();
+        assert_eq!(notices.len(), 1, "{notices:?}");
+        let is_told = notices[0].contains("motor replaced before the unit itself was: nothing begins anew");
+        assert_eq!(is_told, replaced.is_empty(), "{notices:?}");
+    }
+}
+
 #[test]
 fn an_earlier_run_s_state_leaves_out_what_was_replaced_since() {
     let config = config("hours = \"elapsed\"\nwarning_h = 10000");

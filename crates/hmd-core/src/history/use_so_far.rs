@@ -49,8 +49,9 @@ pub(super) struct Last {
 
 impl Last {
     /// The same for a unit that came at `begun_ns`, before its first window `now`: what passed before belongs to another unit. Operation and
-    /// dropped windows between two windows of a run are taken as even; before the first of a run, operation as without a pause. A stamp after
-    /// that window was of a wrong clock.
+    /// dropped windows between two windows of a run are proportional to the time between; before the first of a run, both to its time of
+    /// operation, as without a pause: what an earlier run had after `begun_ns` is of the unit before. A stamp after that window was of a
+    /// wrong clock.
     fn of_new_unit(self, begun_ns: u64, now: &Self) -> Self {
         let own_ns = now.t_start_ns.saturating_sub(begun_ns) as f64;
         let operated_s = self.operated_until(now);

@@ -1,6 +1,6 @@
 //! The segments of one kind: at most one in progress.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -20,7 +20,12 @@ pub(super) struct SegmentStream {
     retry_at: Option<Instant>,
     /// Frames or records that were not stored.
     pub(super) lost: u64,
+    /// Marks that are not known to be on the disk, in their order: at most [`MARKS_MAX`].
+    marks: VecDeque<Mark>,
 }
+
+/// Writes a record that belongs to no frame, as often as a failing disk asks for it.
+pub(super) type Mark = Box<dyn Fn(&mut McapWriter<Box<dyn Out>>) -> Result<(), McapWriteError> + Send>;
 
 struct Open {
     name: Name,
@@ -30,12 +35,16 @@ struct Open {
     taken: u64,
     /// Those of them that are not yet known to be on the disk.
     unsynced: u64,
+    has_marks: bool,
     /// Number of syncs with unsynced data; each adds a chunk, and an entry to the index that is held until the end.
     syncs: u32,
 }
 
 /// Longest pause before a segment is begun again after a failure.
 const RETRIED_WITHIN: Duration = Duration::from_secs(1);
+
+/// Most marks that wait for a disk; the oldest goes, and is counted as lost. The newest says how far a run came.
+pub(super) const MARKS_MAX: usize = 1024;
 
 /// Most syncs of a segment, which bounds its index to some 0.3 MB.
 const SYNCS_MAX: u32 = 512;
@@ -58,7 +67,23 @@ impl SegmentStream {
             pause: RetryDelay::up_to(RETRIED_WITHIN),
             retry_at: None,
             lost: 0,
+            marks: VecDeque::new(),
         }
+    }
+
+    /// Whether a segment was ever begun, or tried.
+    pub(super) fn has_begun(&self) -> bool {
+        self.segment > 0
+    }
+
+    /// Whether marks wait for a segment.
+    pub(super) fn has_waiting_marks(&self) -> bool {
+        self.open.is_none() && !self.marks.is_empty()
+    }
+
+    /// The pause after a failure is over.
+    pub(super) fn end_pause(&mut self) {
+        self.retry_at = None;
     }
 
     /// Name of the segment in progress.
@@ -116,11 +141,37 @@ impl SegmentStream {
             since: with.now,
             taken: 0,
             unsynced: 0,
+            has_marks: false,
             syncs: 0,
         });
         self.segment += 1;
         self.retry_at = None;
+        if let Some(open) = &mut self.open {
+            for mark in &self.marks {
+                open.has_marks = true;
+                mark(&mut open.writer)?;
+            }
+        }
         Ok(())
+    }
+
+    /// Hands a mark to the segment in progress; until it is known to be on the disk, each further segment gets it.
+    pub(super) fn mark(&mut self, mark: Mark) -> Result<(), McapWriteError> {
+        let put = self.open.as_mut().map_or(Ok(()), |open| {
+            open.has_marks = true;
+            mark(&mut open.writer)
+        });
+        if self.marks.len() == MARKS_MAX {
+            self.marks.pop_front();
+            self.lost += 1;
+        }
+        self.marks.push_back(mark);
+        put
+    }
+
+    /// The frames that come belong to nothing that was marked.
+    pub(super) fn forget_marks(&mut self) {
+        self.marks.clear();
     }
 
     /// Hands one item to the segment in progress; without one it is lost.
@@ -139,10 +190,12 @@ impl SegmentStream {
 
     /// Brings everything taken so far to the disk.
     pub(super) fn sync(&mut self) -> Result<(), McapWriteError> {
-        if let Some(open) = self.open.as_mut().filter(|open| open.unsynced > 0) {
+        let has_marks = !self.marks.is_empty();
+        if let Some(open) = self.open.as_mut().filter(|open| open.unsynced > 0 || has_marks) {
             open.writer.flush_window()?;
             open.unsynced = 0;
             open.syncs += 1;
+            self.marks.clear();
             // Only what came to the disk shows that the disk is back.
             self.pause.reset();
         }
@@ -153,8 +206,8 @@ impl SegmentStream {
     pub(super) fn close(&mut self, folder: &Path, disk: &dyn Disk) -> Result<Option<(Name, u64)>, McapWriteError> {
         self.sync()?;
         let Some(open) = self.open.take() else { return Ok(None) };
-        if self.kind == Kind::Raw && open.taken == 0 {
-            // Begun to find out whether the disk is back; a replay would find no frames in it.
+        if self.kind == Kind::Raw && open.taken == 0 && !open.has_marks {
+            // Begun to find out whether the disk is back; a replay would find nothing in it.
             disk.remove(&folder.join(open.name.to_string()))?;
             return Ok(None);
         }

@@ -160,6 +160,19 @@ impl Bench {
         names
     }
 
+    /// Decisions on windows in each segment of raw frames.
+    fn marks(&self) -> Vec<usize> {
+        let raw = self.names().into_iter().filter(|name| name.ends_with("-raw.mcap"));
+        let marks = raw.map(|name| {
+            let file = File::open(self.folder.path().join(&name)).unwrap();
+            let messages = McapMessages::new(file, &name).unwrap().flatten();
+            messages
+                .filter(|message| *message.schema == *Dropped::SCHEMA_NAME)
+                .count()
+        });
+        marks.collect()
+    }
+
     /// Frames, and numbers of the health records, that are in the folder; every file must be whole.
     fn read(&self) -> (u64, Vec<u64>) {
         Self::read_in(self.folder.path())
@@ -258,15 +271,7 @@ fn a_decision_on_a_window_is_among_the_raw_frames_between_two_segments() {
     store.write_to_both(1, &dropped);
     bench.put_frames(&mut store, 10);
     store.finish();
-    let raw = |name: &String| name.ends_with("-raw.mcap");
-    let decisions = bench.names().into_iter().filter(raw).map(|name| {
-        let file = File::open(bench.folder.path().join(&name)).unwrap();
-        let messages = McapMessages::new(file, &name).unwrap().flatten();
-        messages
-            .filter(|message| *message.schema == *Dropped::SCHEMA_NAME)
-            .count()
-    });
-    assert_eq!(decisions.collect::<Vec<_>>(), [1, 0]);
+    assert_eq!(bench.marks(), [0, 1], "in the one that the next frames continue");
 }
 
 #[test]

@@ -37,21 +37,10 @@ pub(super) struct LiveDecisions {
 /// A run that marked the windows it assessed.
 #[derive(Debug, Default)]
 struct MarkedRun {
-    /// Windows that were assessed or dropped.
-    decided: BTreeSet<WindowKey>,
     /// The last that was assessed, until the replay has met it.
     last: Option<WindowKey>,
     /// It came to its end and counted the time of operation up to there.
     is_ended: bool,
-}
-
-impl MarkedRun {
-    /// Windows are assessed in the order in which they end. The frames of marked ones may be gone.
-    fn came_to(&mut self, window: &WindowKey) -> bool {
-        let has_come = self.last.is_some() || self.decided.contains(window);
-        self.last.take_if(|last| last == window);
-        has_come
-    }
 }
 
 impl LiveDecisions {
@@ -90,6 +79,7 @@ impl LiveDecisions {
         if let Some(run) = &run {
             self.runs.entry(run.clone()).or_default();
         }
+        let dropped = self.dropped.len();
         let is_wanted = |topic: &String| TOPICS.iter().any(|end| topic.ends_with(end));
         if topics.is_empty() || topics.iter().any(is_wanted) {
             for message in first.into_iter().chain(messages.flatten()) {
@@ -97,7 +87,8 @@ impl LiveDecisions {
             }
         }
         // Whoever took the records out of a file left the frames to be assessed; a folder has them in segments of their own.
-        if let Some(bare) = run.take_if(|run| !is_segment && self.runs[run].decided.is_empty()) {
+        let is_bare = |run: &mut String| !is_segment && self.runs[run].last.is_none() && self.dropped.len() == dropped;
+        if let Some(bare) = run.take_if(is_bare) {
             self.runs.remove(&bare);
         }
         Some((run, capture_ns))
@@ -105,33 +96,23 @@ impl LiveDecisions {
 
     fn take(&mut self, message: &McapMessage, run: Option<&str>) {
         let data = message.data.as_slice();
-        let (mut decided, mut is_assessed) = (None, false);
+        let mut assessed = None;
         match &*message.schema {
             Dropped::SCHEMA_NAME => {
-                let key = Dropped::decode(data).map(|record| (record.actuator, record.t_start_ns));
-                self.dropped.extend(key.clone());
-                decided = key.ok();
+                let window = key(data, |record: Dropped| (record.actuator, record.t_start_ns));
+                self.dropped.extend(window);
             }
             Shortened::SCHEMA_NAME => {
                 let decoded = Shortened::decode(data);
                 self.shortened
                     .extend(decoded.map(|record| ((record.actuator.clone(), record.t_start_ns), record)));
             }
-            Assessed::SCHEMA_NAME => {
-                let decoded = Assessed::decode(data);
-                (decided, is_assessed) = (decoded.map(|record| (record.actuator, record.t_start_ns)).ok(), true);
-            }
-            Health::SCHEMA_NAME => {
-                let decoded = Health::decode(data);
-                (decided, is_assessed) = (decoded.map(|record| (record.actuator, record.t_start_ns)).ok(), true);
-            }
+            Assessed::SCHEMA_NAME => assessed = key(data, |record: Assessed| (record.actuator, record.t_start_ns)),
+            Health::SCHEMA_NAME => assessed = key(data, |record: Health| (record.actuator, record.t_start_ns)),
             _ => {}
         }
         if let Some(run) = run.and_then(|run| self.runs.get_mut(run)) {
-            if is_assessed && decided.is_some() {
-                run.last.clone_from(&decided);
-            }
-            run.decided.extend(decided);
+            run.last = assessed.or_else(|| run.last.take());
             run.is_ended |= *message.schema == *Ended::SCHEMA_NAME;
         }
     }
@@ -141,19 +122,30 @@ impl LiveDecisions {
         self.current = self.of_logs.get(number).cloned().flatten();
     }
 
-    /// Whether the run of the log came to this window: behind the last one that it marked, it had none left to assess.
-    pub(super) fn came_to(&mut self, window: &WindowKey) -> bool {
-        self.current_run().is_none_or(|run| run.came_to(window))
+    /// Whether the run of the log decided on this window. Windows are assessed in the order in which they end: behind the last one that was
+    /// marked as assessed, it has dropped some at most.
+    pub(super) fn was_decided(&mut self, window: &WindowKey) -> bool {
+        let is_dropped = self.dropped.contains(window);
+        self.current_run().is_none_or(|run| {
+            let is_before_end = run.last.is_some();
+            run.last.take_if(|last| last == window);
+            is_before_end || is_dropped
+        })
     }
 
     /// Whether the run of the log was killed, or is under way, so that its time of operation counts to its last window alone.
-    pub(super) fn is_cut(&mut self) -> bool {
+    pub(super) fn did_not_end(&mut self) -> bool {
         self.current_run().is_some_and(|run| !run.is_ended)
     }
 
     fn current_run(&mut self) -> Option<&mut MarkedRun> {
         self.runs.get_mut(self.current.as_ref()?)
     }
+}
+
+/// The window of a record, where that can be read.
+fn key<R: Message + Default>(data: &[u8], of: fn(R) -> WindowKey) -> Option<WindowKey> {
+    R::decode(data).ok().map(of)
 }
 
 /// The run of a log, if it marks its windows and has this configuration; a file is a run of its own, a capture none.
@@ -177,14 +169,23 @@ mod tests {
     fn behind_the_last_window_that_was_assessed_only_dropped_ones_are_met() {
         let window = |n: u64| ("ema0".to_owned(), n);
         // The frames of window 1 were deleted for room; 4 was assessed when 5 was dropped, and the process was killed over 6.
-        let mut run = MarkedRun {
-            decided: [1, 2, 4, 5].map(window).into(),
+        let mut live = LiveDecisions {
+            dropped: [2, 5].map(window).into(),
+            current: Some("run".to_owned()),
+            ..LiveDecisions::default()
+        };
+        let marked = MarkedRun {
             last: Some(window(4)),
             is_ended: false,
         };
-        let met: Vec<u64> = (2..9).filter(|n| run.came_to(&window(*n))).collect();
+        live.runs.insert("run".to_owned(), marked);
+        let met: Vec<u64> = (2..9).filter(|n| live.was_decided(&window(*n))).collect();
         assert_eq!(met, [2, 3, 4, 5], "3 has lost its mark alone");
-        let mut killed_at_once = MarkedRun::default();
-        assert!(!killed_at_once.came_to(&window(0)));
+        let killed_at_once = LiveDecisions {
+            runs: [("run".to_owned(), MarkedRun::default())].into(),
+            current: Some("run".to_owned()),
+            ..LiveDecisions::default()
+        };
+        assert!(!{ killed_at_once }.was_decided(&window(0)));
     }
 }

@@ -80,6 +80,55 @@ fn storage_works_again_without_frames() {
     assert_eq!(store.status().state, StorageState::Ok);
 }
 
+/// A window was assessed, or dropped, while the disk failed, or what it took was lost with the segment.
+#[test]
+fn marks_among_the_frames_wait_for_a_disk_that_fails() {
+    let mark = |store: &mut SegmentStore, window| {
+        let dropped = Dropped {
+            actuator: "ema0".to_owned(),
+            window,
+            ..Dropped::default()
+        };
+        store.write_to_raw(window, &dropped);
+        store.sync_window();
+    };
+    // The frames go on; the run ends before the next tick; without room.
+    for case in ["frames", "end", "no room"] {
+        let mut bench = Bench::new();
+        let mut store = bench.open();
+        bench.put_frames(&mut store, 10);
+        bench.tick(&mut store, 1);
+        mark(&mut store, 0);
+        if case == "no room" {
+            bench.disk.free.store(LIMITS.free_bytes_min - 1, Relaxed);
+            bench.tick(&mut store, 1);
+        } else {
+            bench.disk.set(Some(io::ErrorKind::Other));
+        }
+        mark(&mut store, 1);
+        mark(&mut store, 2);
+        bench.disk.set(None);
+        if case == "frames" {
+            bench.tick(&mut store, 1);
+            bench.put_frames(&mut store, 10);
+        }
+        let status = store.finish().status;
+        assert_eq!(status.lost_frames, 0, "{case}: no frame was lost");
+        bench.disk.free.store(0, Relaxed);
+        drop(bench.open());
+        let expected: &[usize] = if case == "no room" { &[2] } else { &[1, 2] };
+        assert_eq!(bench.marks(), expected, "{case}");
+    }
+    // A disk that fails for long.
+    let (mut bench, mut store) = after_a_failure();
+    bench.disk.set(Some(io::ErrorKind::Other));
+    (0..1030).for_each(|window| mark(&mut store, window));
+    bench.disk.set(None);
+    bench.tick(&mut store, 1);
+    let status = store.finish().status;
+    assert_eq!((bench.marks(), status.lost_frames), (vec![1024], 10 + 6));
+}
+
 #[test]
 fn store_retries_when_disk_full_at_start() {
     for creates in [false, true] {

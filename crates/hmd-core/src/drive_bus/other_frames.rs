@@ -1,4 +1,4 @@
-//! [`Unread`]: which frames came instead of those that a sample needs, for a sentence at the end.
+//! [`OtherFrames`]: which frames came instead of those that a sample needs, for a sentence at the end.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -12,7 +12,7 @@ const NAMED: usize = 8;
 
 /// Identifiers of one interface whose frames are not read, and of those that several drives or values share the number in the frame.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Unread(BTreeSet<Identifier>);
+pub(super) struct OtherFrames(BTreeSet<Identifier>);
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Identifier {
@@ -21,7 +21,7 @@ struct Identifier {
     number: Option<u64>,
 }
 
-impl Unread {
+impl OtherFrames {
     /// Notes a frame, if the values that its identifier stands for are not in it.
     pub(super) fn hear(&mut self, layout: &DriveLayout, frame: &RawFrame) {
         if self.0.len() == NAMED {

@@ -116,7 +116,7 @@ impl Newest {
         }
         match part {
             None => self.rul = Rul::default(),
-            Some(_) => self.rul.forget(is_new),
+            Some(_) => self.rul.forget(is_new, is_life_new),
         }
         // Of every part some fault is unknown now.
         let worst = states.into_iter().max().unwrap_or_default().max(by_life);
@@ -269,7 +269,9 @@ impl Newest {
             worst.name().clone_into(&mut later.health.health);
         }
         if by_life.is_some() {
-            later.rul = self.rul.clone();
+            let mut rul = self.rul.clone();
+            rul.forget(|fault| later.has_renewed(fault), false);
+            later.rul = rul;
         }
         later.health.set_states(&states);
         self.join(later, &states);
@@ -590,8 +592,30 @@ mod tests {
     }
 
     #[test]
+    fn a_forecast_that_holds_has_no_hours_of_a_part_that_was_replaced_since() {
+        let mut before = recording(Critical, [Watch, Watch], true, "");
+        let mut rul = Rul {
+            rul_p10_h: Some(1.0),
+            dominant_fault: "short_a".to_owned(),
+            ..Rul::default()
+        };
+        let hours = [None, Some(200.0), Some(1.0), None, None, None, None];
+        rul.set_faults(hours.map(|h| h.map(|h| ([h, h, h], 0.5))));
+        before.add_rul(rul);
+        let mut later = recording(Watch, [Unknown, Watch], true, "");
+        later.begin_part(Some(ReplacedPart::Gearbox));
+        before.go_on(later);
+        assert_eq!(before.state_by_life(), Some(Critical));
+        let rul = before.rul;
+        assert_eq!(
+            (rul.rul_p10_h, rul.short_a_p10_h, rul.backlash_p10_h),
+            (Some(1.0), Some(1.0), None)
+        );
+    }
+
+    #[test]
     fn a_replaced_part_that_ended_the_life_leaves_the_hours_of_the_others() {
-        let mut newest = recording(Watch, [Watch, Watch], true, "");
+        let mut newest = recording(Critical, [Watch, Watch], true, "");
         let mut rul = Rul {
             rul_p10_h: Some(1.0),
             rul_p50_h: Some(2.0),
@@ -616,8 +640,17 @@ mod tests {
         assert_eq!((motor.failure_probability, motor.horizon_h), (Some(0.1), Some(100.0)));
         assert_eq!((&*motor.dominant_fault, &*motor.governed_by), ("gain", "damage"));
         assert_eq!((motor.short_a_p10_h, motor.backlash_p10_h), (None, Some(200.0)));
+        // A requirement is missed by all parts together: any new one takes that end away, and the state with it.
         let gearbox = of(ReplacedPart::Gearbox);
-        assert_eq!((gearbox.rul_p10_h, &*gearbox.governed_by), (Some(1.0), "stall"));
-        assert_eq!((gearbox.short_a_p10_h, gearbox.backlash_p10_h), (Some(10.0), None));
+        assert_eq!(
+            (gearbox.rul_p10_h, gearbox.failure_probability, &*gearbox.governed_by),
+            (Some(10.0), Some(0.01), "damage")
+        );
+        assert_eq!((&*gearbox.dominant_fault, gearbox.backlash_p10_h), ("short_a", None));
+        // A damage is that of its part.
+        newest.rul.governed_by = "damage".to_owned();
+        let mut gearbox = newest.clone();
+        gearbox.replace(Some(ReplacedPart::Gearbox));
+        assert_eq!((gearbox.rul.rul_p10_h, gearbox.rul.backlash_p10_h), (Some(1.0), None));
     }
 }

@@ -19,29 +19,19 @@ pub struct Newest {
     pub shown: LastShown,
     /// Whether some window has a reading of the fault.
     has_reading: [bool; FaultId::COUNT],
-    /// Parts, or the unit (`None`), that were replaced before some window.
-    replaced: BTreeSet<Option<ReplacedPart>>,
+    /// Parts, or the unit (`None`), that were replaced before a window, with its start, UTC ns.
+    replacements: BTreeSet<(u64, Option<ReplacedPart>)>,
     /// Whether some window had a forecast.
     has_forecast: bool,
     /// What ended the life by the newest forecast that there was; `None` once its part is replaced.
     end: Option<LifeEnd>,
     /// Starts of the earliest and the latest window, UTC ns.
     period_ns: Option<[u64; 2]>,
-    /// All windows.
-    windows: Vec<SeenWindow>,
     /// Operating hours after the first and after the newest window that has them.
     used_h: Option<[f64; 2]>,
     /// Whether the damage of each fault fell without a recorded repair, in the order of [`FaultId::ALL`]; until it is back, or its part is
     /// replaced.
     pub fallen: [bool; FaultId::COUNT],
-}
-
-/// What a window says of use and replacements.
-#[derive(Clone, Debug, Default, PartialEq)]
-struct SeenWindow {
-    t_start_ns: u64,
-    /// What was replaced before it: `unit`, or parts, joined by commas.
-    replaced: String,
 }
 
 impl Newest {
@@ -67,29 +57,18 @@ impl Newest {
         let t_ns = health.t_start_ns;
         let [first, last] = self.period_ns.unwrap_or([t_ns; 2]);
         self.period_ns = Some([first.min(t_ns), last.max(t_ns)]);
-        self.windows.push(SeenWindow {
-            t_start_ns: t_ns,
-            ..SeenWindow::default()
-        });
         self.health = health;
         self.rul = Rul::default();
     }
 
     /// Takes what was left after the newest window.
     pub fn add_rul(&mut self, rul: Rul) {
-        for what in rul.replaced.split(',') {
-            let part = ReplacedPart::from_name(what);
-            if part.is_none() && what != "unit" {
-                continue;
-            }
-            self.replaced.insert(part);
+        for part in ReplacedPart::in_text(&rul.replaced) {
+            self.replacements.insert((self.health.t_start_ns, part));
             self.end = self.end.filter(|end| !end.is_of(part));
             for fault in FaultId::ALL {
                 self.fallen[fault.index()] &= !ReplacedPart::renews(part, fault);
             }
-        }
-        if let Some(window) = self.windows.last_mut() {
-            window.replaced.clone_from(&rul.replaced);
         }
         if let Some(used_h) = rul.operating_h {
             self.used_h = Some([self.used_h.map_or(used_h, |[first, _]| first), used_h]);
@@ -142,10 +121,8 @@ impl Newest {
     /// it. One whose windows are all dated after now, UTC ns, did not begin then: its clock was wrong.
     #[must_use]
     pub fn knows(&self, event: &Event, now_ns: u64) -> bool {
-        let what = event.part.map_or("unit", ReplacedPart::name);
-        let is_since = |window: &SeenWindow| window.t_start_ns >= event.t_ns;
-        let mut since = self.windows.iter().filter(|window| is_since(window));
-        let has_followed = since.any(|window| window.replaced.split(',').any(|of| of == what || of == "unit"));
+        let mut since = self.replacements.range((event.t_ns, None)..);
+        let has_followed = since.any(|(_, part)| part.is_none() || *part == event.part);
         let begun_ns = self.period_ns.map(|[first, _]| first);
         let has_begun = begun_ns.is_some_and(|begun_ns| (event.t_ns..=now_ns).contains(&begun_ns));
         has_followed || has_begun
@@ -153,11 +130,7 @@ impl Newest {
 
     /// Notes that a part, or the unit (`None`), was replaced before this recording, which knew nothing of the one before it.
     pub fn begin_part(&mut self, part: Option<ReplacedPart>) {
-        self.replaced.insert(part);
-        if let Some(first) = self.windows.first_mut() {
-            let what = part.map_or("unit", ReplacedPart::name);
-            first.replaced = format!("{},{what}", first.replaced);
-        }
+        self.replacements.extend(self.period_ns.map(|[first, _]| (first, part)));
     }
 
     /// Whether a replacement at this time, UTC ns, lies between this recording and a later one, whose use begins anew: neither knows of it. A
@@ -202,9 +175,14 @@ impl Newest {
         self.end().map_or(part.is_none(), |end| end.is_of(part))
     }
 
+    /// What was replaced before some window.
+    fn parts_replaced(&self) -> impl Iterator<Item = Option<ReplacedPart>> {
+        self.replacements.iter().map(|(_, part)| *part)
+    }
+
     /// Whether nothing that was known of a fault before holds, as its part was replaced before some window.
     fn has_renewed(&self, fault: FaultId) -> bool {
-        self.replaced.iter().any(|part| ReplacedPart::renews(*part, fault))
+        self.parts_replaced().any(|part| ReplacedPart::renews(part, fault))
     }
 
     /// Order of recordings that know nothing of each other: by the start of the newest window, UTC ns; those without any last.
@@ -279,13 +257,11 @@ impl Newest {
 
     /// Whether nothing that was replaced later takes away what ends the life.
     fn keeps_end(&self, later: &Self) -> bool {
-        !later.replaced.iter().any(|part| self.is_end_of(*part))
+        !later.parts_replaced().any(|part| self.is_end_of(part))
     }
 
     /// Takes the later records; of a fault that they leave open in a state that holds, the damage that was shown before.
-    fn join(&mut self, mut later: Self, states: &[HealthState; FaultId::COUNT]) {
-        let mut windows = std::mem::take(&mut self.windows);
-        windows.append(&mut later.windows);
+    fn join(&mut self, later: Self, states: &[HealthState; FaultId::COUNT]) {
         let holds = |fault: FaultId| {
             let n = fault.index();
             states[n] != HealthState::Unknown && !later.has_renewed(fault)
@@ -300,14 +276,13 @@ impl Newest {
             fallen: FaultId::ALL.map(|fault| later.fallen[fault.index()] || still_fallen(fault)),
             shown: later.shown.or(&self.shown, holds),
             has_reading: both(self.has_reading, later.has_reading),
-            replaced: self.replaced.union(&later.replaced).copied().collect(),
+            replacements: self.replacements.union(&later.replacements).copied().collect(),
             has_forecast: self.has_forecast || later.has_forecast,
             end: later.end.or(end),
             period_ns: match (self.period_ns, later.period_ns) {
                 (Some(a), Some(b)) => Some([a[0].min(b[0]), a[1].max(b[1])]),
                 (a, b) => a.or(b),
             },
-            windows,
             used_h: match (self.used_h, later.used_h) {
                 (Some(a), Some(b)) => Some([a[0], b[1]]),
                 (a, b) => a.or(b),

@@ -1,5 +1,7 @@
 //! What the recordings of one unit say of it now: newest health, remaining life, and the damage last shown.
 
+mod joined;
+
 use std::collections::BTreeSet;
 
 use ema_models::FaultId;
@@ -7,6 +9,8 @@ use ema_models::FaultId;
 use crate::health::HealthState;
 use crate::history::{Event, FELL, LifeEnd, ReplacedPart};
 use crate::record::{Health, LastShown, Rul};
+
+pub use joined::Joined;
 
 /// The newest records of one unit. Windows of one recording are added in order; recordings are then joined.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -107,20 +111,13 @@ impl Newest {
     }
 
     /// Whether no window began after this time, UTC ns.
-    #[must_use]
-    pub fn is_before(&self, t_ns: u64) -> bool {
+    fn is_before(&self, t_ns: u64) -> bool {
         self.period_ns.is_none_or(|[_, last]| last < t_ns)
-    }
-
-    /// Notes that this recording is of another unit than the one before it.
-    pub fn begin_unit(&mut self) {
-        self.begin_part(None);
     }
 
     /// Whether the windows know of a replacement before the newest of them: a window since then has followed it, or the history began after
     /// it. One whose windows are all dated after now, UTC ns, did not begin then: its clock was wrong.
-    #[must_use]
-    pub fn knows(&self, event: &Event, now_ns: u64) -> bool {
+    fn knows(&self, event: &Event, now_ns: u64) -> bool {
         let mut since = self.replacements.range((event.t_ns, None)..);
         let has_followed = since.any(|(_, part)| part.is_none() || *part == event.part);
         let begun_ns = self.period_ns.map(|[first, _]| first);
@@ -135,8 +132,7 @@ impl Newest {
 
     /// Whether a replacement at this time, UTC ns, lies between this recording and a later one, whose use begins anew: neither knows of it. A
     /// recording that begins after now has a wrong clock.
-    #[must_use]
-    pub fn is_parted_from(&self, later: &Self, replaced_ns: u64, now_ns: u64) -> bool {
+    fn is_parted_from(&self, later: &Self, replaced_ns: u64, now_ns: u64) -> bool {
         let (Some([_, last_ns]), Some([first_ns, _])) = (self.period_ns, later.period_ns) else {
             return false;
         };
@@ -200,7 +196,7 @@ impl Newest {
     }
 
     /// Whether some of these recordings of one unit lie among each other in time: of several units, or of one twice.
-    pub fn overlap<'a>(recordings: impl Iterator<Item = &'a Self>) -> bool {
+    fn overlap<'a>(recordings: impl Iterator<Item = &'a Self>) -> bool {
         let mut periods: Vec<[u64; 2]> = recordings.filter_map(|newest| newest.period_ns).collect();
         periods.sort_unstable();
         periods.windows(2).any(|pair| pair[1][0] <= pair[0][1])
@@ -216,7 +212,7 @@ impl Newest {
     /// replaced. A fault at watch or worse holds until a window shows that it is less; one that was nominal is in doubt once a window has a reading
     /// of it that does not show its state. A state by the remaining life holds until there is another forecast. Of recordings that overlap in
     /// time, a worse state holds that this one has shown later.
-    pub fn go_on(&mut self, mut later: Self) {
+    fn go_on(&mut self, mut later: Self) {
         let own = later.states();
         let mut states = own;
         for (fault, before) in FaultId::ALL.into_iter().zip(self.states()) {

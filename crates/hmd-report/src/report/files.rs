@@ -6,7 +6,7 @@ use std::path::Path;
 
 use prost::Message;
 
-use super::history::{History, Replacement, hours_of_all, is_elapsed, requirement};
+use super::history::{History, hours_of_all, is_elapsed, requirement};
 use super::replacements::{Maintenance, SERIAL};
 use super::units::{Part, by_unit};
 use ema_models::FaultId;
@@ -163,28 +163,7 @@ impl Files {
             files.sources.push(source);
         }
         files.actuators = by_unit(parts, maintenance);
-        files.note_replacements(maintenance);
         Ok(files)
-    }
-
-    /// Takes over what was replaced after the newest window, and what no window knows of.
-    fn note_replacements(&mut self, maintenance: &Maintenance<'_>) {
-        for (name, history) in &mut self.actuators {
-            for event in maintenance.replacements_of(name) {
-                let list = match history.newest.is_before(event.t_ns) {
-                    true => &mut history.replaced_since,
-                    false if history.newest.knows(event, maintenance.now_ns) => continue,
-                    false => &mut history.entered_since,
-                };
-                // The newest of each part.
-                list.retain(|known| known.part != event.part);
-                list.push(Replacement {
-                    part: event.part,
-                    t_ns: event.t_ns,
-                    note: event.note.clone().unwrap_or_default(),
-                });
-            }
-        }
     }
 
     /// Whether some file was recorded with another configuration than this one.
@@ -282,97 +261,7 @@ impl Files {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hmd_core::history::{Event, EventKind, Events, ReplacedPart};
     use hmd_core::levels_text::levels_text;
-
-    fn reset(t_ns: u64, note: &str) -> Event {
-        Event {
-            t_ns,
-            actuator: "left".to_owned(),
-            event: EventKind::Reset,
-            part: Some(ReplacedPart::Gearbox),
-            note: Some(note.to_owned()),
-        }
-    }
-
-    #[test]
-    fn a_replacement_is_of_the_unit_with_the_serial_number_of_the_configuration() {
-        let replaced = |serial: &str, events: Vec<Event>| {
-            let mut files = Files::default();
-            for name in ["left, serial 1", "left, serial 2", "lefty"] {
-                files.health(Health {
-                    actuator: name.to_owned(),
-                    t_start_ns: 5,
-                    ..Health::default()
-                });
-            }
-            let config = format!("[[actuator]]\nid = 0\nname = \"left\"\n{serial}");
-            let config = Config::from_toml_str(&config, "test").unwrap();
-            let events = Events {
-                list: events,
-                ..Events::default()
-            };
-            files.note_replacements(&Maintenance {
-                events: &events,
-                config: &config,
-                now_ns: 10,
-            });
-            let notes = |history: &History| {
-                let notes = history.replaced_since.iter().map(|of| of.note.clone());
-                notes.collect::<Vec<_>>().join(",")
-            };
-            files.actuators.values().map(notes).collect::<Vec<_>>()
-        };
-        let once = || vec![reset(6, "a")];
-        assert_eq!(replaced("serial_number = \"2\"", once()), ["", "a", ""]);
-        assert_eq!(replaced("", once()), ["a", "a", ""]);
-        // The newest of two counts, none that is to come, and none before the newest window.
-        let several = vec![reset(4, "old"), reset(6, "a"), reset(8, "b"), reset(11, "later")];
-        assert_eq!(replaced("", several), ["b", "b", ""]);
-    }
-
-    #[test]
-    fn a_replacement_that_no_window_knows_of_is_told() {
-        let entered = |points: &[(u64, f64, &str)], now_ns: u64| {
-            let mut files = Files::default();
-            for &(t_start_ns, used_h, replaced) in points {
-                files.health(Health {
-                    actuator: "left".to_owned(),
-                    t_start_ns,
-                    ..Health::default()
-                });
-                files.rul(Rul {
-                    actuator: "left".to_owned(),
-                    operating_h: Some(used_h),
-                    replaced: replaced.to_owned(),
-                    ..Rul::default()
-                });
-            }
-            let config = Config::from_toml_str("[[actuator]]\nid = 0\nname = \"left\"\n", "test").unwrap();
-            let events = Events {
-                list: vec![reset(6, "a")],
-                ..Events::default()
-            };
-            files.note_replacements(&Maintenance {
-                events: &events,
-                config: &config,
-                now_ns,
-            });
-            let history = &files.actuators["left"];
-            (history.replaced_since.len(), history.entered_since.len())
-        };
-        assert_eq!(entered(&[(5, 1.0, ""), (7, 2.0, "")], 10), (0, 1));
-        // The windows went on after it, or began after it.
-        assert_eq!(entered(&[(5, 1.0, ""), (7, 2.0, "gearbox"), (8, 3.0, "")], 10), (0, 0));
-        assert_eq!(
-            entered(&[(5, 1.0, ""), (7, 2.0, "motor"), (8, 3.0, "unit")], 10),
-            (0, 0)
-        );
-        assert_eq!(entered(&[(7, 1.0, ""), (8, 2.0, "")], 10), (0, 0));
-        // Windows from a clock ahead of now.
-        assert_eq!(entered(&[(17, 1.0, ""), (18, 2.0, "")], 10), (0, 1));
-        assert_eq!(entered(&[(5, 1.0, "")], 10), (1, 0));
-    }
 
     #[test]
     fn the_levels_of_the_files_are_those_that_all_of_them_say() {

@@ -162,17 +162,8 @@ impl History {
         });
     }
 
-    /// Notes that these windows are of another unit than those before.
-    pub(super) fn begin_unit(&mut self) {
-        self.newest.begin_unit();
-        if let Some(first) = self.points.first_mut() {
-            "unit".clone_into(&mut first.replaced);
-        }
-    }
-
-    /// Notes that a part, or the unit (`None`), was replaced before these windows, which do not know of it.
-    pub(super) fn begin_part(&mut self, part: Option<ReplacedPart>) {
-        self.newest.begin_part(part);
+    /// Marks that a part, or the unit (`None`), was replaced before these windows, which do not know of it.
+    pub(super) fn mark_replaced(&mut self, part: Option<ReplacedPart>) {
         let Some(first) = self.points.first_mut().filter(|first| !names(&first.replaced, part)) else {
             return;
         };
@@ -184,23 +175,19 @@ impl History {
     }
 
     /// Goes on with the next segment of the same run.
-    pub(super) fn continue_run(&mut self, later: Self) {
-        self.join(later, Newest::continue_run);
-    }
-
-    /// Goes on with what a later recording says of the same actuator ([`Newest::go_on`]).
-    pub(super) fn go_on(&mut self, mut later: Self) {
-        if let Some(first) = later.points.first_mut() {
-            first.begins = true;
+    pub(super) fn continue_run(&mut self, mut later: Self) {
+        if !later.points.is_empty() {
+            self.newest.continue_run(std::mem::take(&mut later.newest));
         }
-        self.join(later, Newest::go_on);
+        self.append(later);
     }
 
-    fn join(&mut self, later: Self, join_newest: impl FnOnce(&mut Newest, Newest)) {
+    /// Adds what a later recording of the same actuator says, besides its newest records.
+    pub(super) fn append(&mut self, later: Self) {
         let Self {
             actuator: _,
             points,
-            newest,
+            newest: _,
             identity,
             fitted,
             samples,
@@ -211,9 +198,6 @@ impl History {
             overlaps: _,
             clock_doubts: _,
         } = later;
-        if !points.is_empty() {
-            join_newest(&mut self.newest, newest);
-        }
         self.points.extend(points);
         if !identity.is_empty() {
             self.identity = identity;

@@ -135,6 +135,20 @@ impl History {
         self.newest.states()
     }
 
+    /// The newest records without what is not known any more as its part was replaced since.
+    pub(super) fn newest_left(&self) -> Newest {
+        let mut newest = self.newest.clone();
+        let since = self.replaced_since.iter();
+        since.for_each(|replacement| newest.replace(replacement.part));
+        newest
+    }
+
+    /// Whether nothing is known of a fault as its part was replaced after the newest window.
+    pub(super) fn is_replaced_since(&self, fault: FaultId) -> bool {
+        let mut since = self.replaced_since.iter();
+        since.any(|replacement| ReplacedPart::renews(replacement.part, fault))
+    }
+
     /// Takes the next window of the same file.
     pub(super) fn add(&mut self, health: Health) {
         for reason in health.reason.split("; ").filter(|reason| !reason.is_empty()) {

@@ -17,7 +17,6 @@ pub(super) use checks::drifting;
 use checks::{checks, is_before_next_use};
 pub(super) use friction::friction_replaced;
 use left::Left;
-pub(super) use left::clears;
 use maintenance::{at_once, maintenance};
 use since::{since, suspected_since};
 
@@ -106,7 +105,7 @@ pub(super) fn recommendation(history: &History, rules: &Rules, zone: &Zone) -> R
             .join(" "),
         hours_left: match left.hours {
             Some(hours) => Ok(hours),
-            None if left.is_first_end_replaced && hours_of_all(rul).is_some() => Err(REPLACED.to_owned()),
+            None if hours_of_all(rul).is_some() => Err(REPLACED.to_owned()),
             None if rul.reason.is_empty() => Err("none was recorded".to_owned()),
             None => Err(rul.reason.clone()),
         },

@@ -10,7 +10,6 @@ use super::axis::{Mark, UseAxis};
 use super::doubt::is_shown_before;
 use super::history::{History, Point};
 use super::plot::{Axis, Plot, escaped, significant};
-use super::recommendation::clears;
 use super::zone::Zone;
 
 pub(super) const HEIGHT: f64 = 230.0;
@@ -211,7 +210,7 @@ pub(super) fn damages(history: &History, modes: &[FaultMode; FaultId::COUNT]) ->
 
 /// Damage by the newest window that shows the fault, as the table has it.
 fn newest_damage(history: &History, fault: FaultId) -> String {
-    if clears(&history.replaced_since, fault) {
+    if history.is_replaced_since(fault) {
         return "replaced".to_owned();
     }
     let Some(shown) = history.newest.shown.of(fault) else {

@@ -14,7 +14,7 @@ use super::doubt::{in_doubt, is_shown_before};
 use super::history::{ClockDoubt, History, Unassessed, hours_of, is_elapsed};
 use super::markup::wide_table;
 use super::plot::escaped;
-use super::recommendation::{Recommendation, clears, drifting, friction_replaced};
+use super::recommendation::{Recommendation, drifting, friction_replaced};
 use super::rules::Rules;
 use super::sections::NORMAL_95;
 use super::words::{duration, durations, hours, with_capital};
@@ -134,7 +134,7 @@ fn clock_doubts(history: &History, zone: &Zone) -> Option<String> {
 /// The faults that no window has shown, and those that a window put in doubt, since when and why. What was replaced has its own sentence.
 fn not_known(advice: &Recommendation, history: &History, zone: &Zone) -> String {
     let (mut never, mut not_since, mut text) = (Vec::new(), Vec::new(), String::new());
-    let is_left = |fault: &&FaultId| !clears(&history.replaced_since, **fault);
+    let is_left = |fault: &&FaultId| !history.is_replaced_since(**fault);
     for fault in advice.unknown.iter().filter(is_left) {
         match in_doubt(history, *fault) {
             None if is_shown_before(history, *fault) => not_since.push(fault.plain_name()),
@@ -199,7 +199,7 @@ fn state_by_life(advice: &Recommendation, history: &History, zone: &Zone) -> Opt
 
 /// The forecast in one or two sentences that do not contradict the action.
 fn remaining_life(advice: &Recommendation, history: &History, zone: &Zone) -> String {
-    let rul = &history.newest.rul;
+    let rul = &history.newest_left().rul;
     let of = hours_of(rul);
     let [p10, p50, p90] = match &advice.hours_left {
         Ok(left) => durations(*left),
@@ -293,7 +293,7 @@ pub(super) fn faults(history: &History, rules: &Rules, zone: &Zone) -> String {
     let (states, left) = (history.states(), rul.faults());
     let row = |fault: FaultId| {
         let (mode, state) = (rules.of(fault), states[fault.index()]);
-        if clears(&history.replaced_since, fault) {
+        if history.is_replaced_since(fault) {
             let half = friction_replaced(&history.replaced_since).filter(|_| fault == FaultId::Friction);
             let what = half.map_or_else(|| "replaced".to_owned(), |half| format!("{} replaced", half.part));
             let cells = [
@@ -401,8 +401,10 @@ fn without_trend(shown: Option<Shown>, mode: Option<&FaultMode>, state: HealthSt
 #[cfg(test)]
 mod tests {
     use super::super::history::{Point, Replacement};
+    use super::super::recommendation::recommendation;
     use super::*;
     use hmd_core::history::ReplacedPart;
+    use hmd_core::record::Health;
 
     fn advice(state: HealthState) -> Recommendation {
         Recommendation {
@@ -583,6 +585,33 @@ mod tests {
             of(&history),
             "<br>No window has shown: backlash.<br>No window has shown since the replacement: friction."
         );
+    }
+
+    /// The probability is that of what is left to end it.
+    #[test]
+    fn a_requirement_that_a_replaced_part_took_away_leaves_no_probability() {
+        let mut rul = Rul {
+            rul_p10_h: Some(1.0),
+            rul_p50_h: Some(2.0),
+            rul_p90_h: Some(3.0),
+            failure_probability: Some(0.9),
+            horizon_h: Some(100.0),
+            dominant_fault: "short_a".to_owned(),
+            governed_by: "stall".to_owned(),
+            ..Rul::default()
+        };
+        rul.set_faults(FaultId::ALL.map(|fault| (fault == FaultId::ShortA).then_some(([900.0, 910.0, 920.0], 0.02))));
+        let mut history = History::default();
+        history.add(Health::default());
+        history.newest.add_rul(rul);
+        history.replaced_since = vec![Replacement {
+            part: Some(ReplacedPart::Gearbox),
+            t_ns: 0,
+            note: String::new(),
+        }];
+        let advice = recommendation(&history, &Rules::default(), &Zone::utc());
+        let text = remaining_life(&advice, &history, &Zone::utc());
+        assert!(text.contains("it ends within 100 h with 2.0 % probability"), "{text}");
     }
 
     #[test]

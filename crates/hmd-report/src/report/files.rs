@@ -12,6 +12,7 @@ use super::units::{Part, by_unit};
 use ema_models::FaultId;
 use hmd_core::config::Config;
 use hmd_core::health::Levels;
+use hmd_core::history::ReplacedPart;
 use hmd_core::levels_text::levels_from_text;
 use hmd_core::record::{Health, Log, Record, Rul, Sensors, Status, Window};
 use hmd_ingest::file::open_recorded;
@@ -248,7 +249,7 @@ impl Files {
         let history = self.entry(&rul.actuator);
         if let Some(point) = history.points.last_mut().filter(|point| point.window == rul.window) {
             point.used_h = rul.operating_h;
-            point.replaced.clone_from(&rul.replaced);
+            point.replaced = ReplacedPart::in_text(&rul.replaced).collect();
             point.left_h = hours_of_all(&rul);
             point.is_elapsed = is_elapsed(&rul);
             let has_forecast = point.left_h.is_some() && requirement(&rul).is_none();

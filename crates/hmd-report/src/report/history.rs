@@ -28,8 +28,8 @@ pub struct Point {
     pub used_h: Option<f64>,
     /// Hours left: 10, 50 and 90 % quantile.
     pub left_h: Option<[f64; 3]>,
-    /// What was replaced before it: `unit`, or parts, joined by commas.
-    pub replaced: String,
+    /// Parts, or the unit (`None`), that were replaced before it.
+    pub replaced: Vec<Option<ReplacedPart>>,
     /// Names of the faults that it reported.
     pub faults: Vec<String>,
     /// Whether it suspects a sensor, a wire or a number.
@@ -44,6 +44,13 @@ pub struct Point {
     pub is_elapsed: bool,
     /// Whether it is the first of a recording that knew nothing of the one before.
     pub begins: bool,
+}
+
+impl Point {
+    /// Whether the unit, or the part of a fault, was replaced before it.
+    pub(super) fn renews(&self, fault: FaultId) -> bool {
+        self.replaced.iter().any(|part| ReplacedPart::renews(*part, fault))
+    }
 }
 
 /// What is known of one actuator.
@@ -165,7 +172,7 @@ impl History {
             residual_rms_a: health.residual_rms_a,
             used_h: None,
             left_h: None,
-            replaced: String::new(),
+            replaced: Vec::new(),
             faults: health.fault_list.clone(),
             is_suspected: !health.suspects.is_empty(),
             states: self.newest.states(),
@@ -178,13 +185,9 @@ impl History {
 
     /// Marks that a part, or the unit (`None`), was replaced before these windows, which do not know of it.
     pub(super) fn mark_replaced(&mut self, part: Option<ReplacedPart>) {
-        let Some(first) = self.points.first_mut().filter(|first| !names(&first.replaced, part)) else {
-            return;
-        };
-        match part {
-            None => "unit".clone_into(&mut first.replaced),
-            Some(part) if first.replaced.is_empty() => part.name().clone_into(&mut first.replaced),
-            Some(part) => first.replaced += &format!(",{}", part.name()),
+        let first = self.points.first_mut();
+        if let Some(first) = first.filter(|first| !first.replaced.contains(&part)) {
+            first.replaced.push(part);
         }
     }
 
@@ -237,7 +240,7 @@ impl History {
             .filter(|fault| self.newest.fallen[fault.index()]);
         fallen.any(|fault| {
             let mut since = self.replaced_since.iter().chain(&self.entered_since);
-            let is_entered = since.any(|replacement| replaces(replacement.part, fault));
+            let is_entered = since.any(|replacement| ReplacedPart::renews(replacement.part, fault));
             !is_entered && !self.is_repaired(fault)
         })
     }
@@ -252,30 +255,15 @@ impl History {
             |point: &&Point| point.t_start_ns < fell_ns && point.states[fault.index()] >= HealthState::Warning;
         let worn = self.points.iter().filter(was_worn).map(|point| point.t_start_ns);
         let worn_ns = worn.max().unwrap_or(0);
-        let is_repair = |point: &Point| {
-            let parts = point.replaced.split(',').filter(|what| !what.is_empty());
-            let mut replaced = parts.map(ReplacedPart::from_name);
-            (worn_ns + 1..=fell_ns).contains(&point.t_start_ns) && replaced.any(|part| replaces(part, fault))
-        };
+        let is_repair = |point: &Point| (worn_ns + 1..=fell_ns).contains(&point.t_start_ns) && point.renews(fault);
         self.points.iter().any(is_repair)
     }
-}
-
-/// Whether a new part, or a new unit (`None`), is another one for this fault.
-fn replaces(part: Option<ReplacedPart>, fault: FaultId) -> bool {
-    part.is_none_or(|part| part.faults().contains(&fault))
 }
 
 /// Whether the reason of a window says that the damage of this fault fell.
 fn names_fallen(reason: &str, fault: FaultId) -> bool {
     let mut reasons = reason.split("; ").filter(|reason| reason.starts_with(FELL));
     reasons.any(|reason| reason.contains(&format!("{} ", fault.name())))
-}
-
-/// Whether what a window says was replaced before it names this part, or the unit (`None`).
-fn names(replaced: &str, part: Option<ReplacedPart>) -> bool {
-    let what = part.map_or("unit", ReplacedPart::name);
-    replaced.split(',').any(|of| of == what || of == "unit")
 }
 
 /// The requirement of the specification that ends the life, in words; `None` where a damage does, or nothing is predicted.

@@ -345,7 +345,7 @@ mod tests {
         for (n, point) in points.iter_mut().enumerate() {
             point.window = n as u64;
         }
-        points[1].replaced = "motor,gearbox".to_owned();
+        points[1].replaced = vec![Some(ReplacedPart::Motor), Some(ReplacedPart::Gearbox)];
         let history = History {
             points,
             ..History::default()

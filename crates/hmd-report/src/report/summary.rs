@@ -294,7 +294,12 @@ pub(super) fn faults(history: &History, rules: &Rules, zone: &Zone) -> String {
     let row = |fault: FaultId| {
         let (mode, state) = (rules.of(fault), states[fault.index()]);
         if history.is_replaced_since(fault) {
-            let half = friction_replaced(&history.replaced_since).filter(|_| fault == FaultId::Friction);
+            let parts: Vec<_> = history
+                .replaced_since
+                .iter()
+                .map(|replacement| replacement.part)
+                .collect();
+            let half = friction_replaced(&parts).filter(|_| fault == FaultId::Friction);
             let what = half.map_or_else(|| "replaced".to_owned(), |half| format!("{} replaced", half.part));
             let cells = [
                 fault.plain_name(),
@@ -580,7 +585,7 @@ mod tests {
             "<br>No window has shown: backlash.<br>In doubt since 1970-01-01 00:01 UTC: friction: too uncertain: friction."
         );
         // A new part was never shown.
-        history.points[1].replaced = "gearbox".to_owned();
+        history.points[1].replaced = vec![Some(ReplacedPart::Gearbox)];
         assert_eq!(
             of(&history),
             "<br>No window has shown: backlash.<br>No window has shown since the replacement: friction."

@@ -345,17 +345,14 @@ mod tests {
             (states[0], states[1], history.points[2].replaced.clone(), entered)
         };
         let gearbox = Some(ReplacedPart::Gearbox);
-        assert_eq!(of(gearbox, 5, 0.0), (Unknown, Unknown, "gearbox".to_owned(), false));
-        assert_eq!(of(None, 5, 0.0), (Unknown, Unknown, "unit".to_owned(), false));
+        assert_eq!(of(gearbox, 5, 0.0), (Unknown, Unknown, vec![gearbox], false));
+        assert_eq!(of(None, 5, 0.0), (Unknown, Unknown, vec![None], false));
         // Another part leaves it.
         let controller = Some(ReplacedPart::Controller);
-        assert_eq!(
-            of(controller, 5, 0.0),
-            (Warning, Nominal, "controller".to_owned(), false)
-        );
+        assert_eq!(of(controller, 5, 0.0), (Warning, Nominal, vec![controller], false));
         // A history that goes on was to follow it, as was one that it lies within.
-        assert_eq!(of(gearbox, 5, 6.0), (Warning, Nominal, String::new(), true));
-        assert_eq!(of(gearbox, 11, 0.0), (Warning, Nominal, String::new(), true));
+        assert_eq!(of(gearbox, 5, 6.0), (Warning, Nominal, vec![], true));
+        assert_eq!(of(gearbox, 11, 0.0), (Warning, Nominal, vec![], true));
     }
 
     #[test]

@@ -3,7 +3,6 @@
 use ema_models::FaultId;
 use hmd_core::health::HealthState;
 
-use super::super::axis::{Mark, marks_before};
 use super::super::history::{History, Point};
 use super::checks::suspects;
 use super::left::Left;
@@ -38,7 +37,7 @@ fn of_fault(history: &History, state: HealthState, fault: FaultId) -> Option<u64
             of_point if of_point < state => break,
             _ => since = Some(point.t_start_ns),
         }
-        if n > 0 && begins_anew(history, n, Some(fault)) {
+        if point.renews(fault) {
             break;
         }
     }
@@ -82,7 +81,8 @@ fn of_health(
             }
             since = Some(point.t_start_ns);
         }
-        if n > 0 && begins_anew(history, n, reported.or(ends_first)) {
+        let is_of_fault = |of: FaultId| point.renews(of);
+        if point.replaced.contains(&None) || reported.or(ends_first).is_some_and(is_of_fault) {
             break;
         }
     }
@@ -97,15 +97,6 @@ fn opening(history: &History) -> Vec<bool> {
         opens
     };
     history.points.iter().map(of).collect()
-}
-
-/// Whether the unit, or the part of the fault, was replaced before window `n`.
-fn begins_anew(history: &History, n: usize, fault: Option<FaultId>) -> bool {
-    marks_before(history, n).into_iter().any(|mark| match mark {
-        Mark::Unit => true,
-        Mark::Replaced(part) => fault.is_some_and(|fault| part.faults().contains(&fault)),
-        Mark::Reset | Mark::Restart => false,
-    })
 }
 
 /// Start of the oldest window of the newest run of windows that all suspect a sensor, UTC ns; `None` where all that the newest one suspects was

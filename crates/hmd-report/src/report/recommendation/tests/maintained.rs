@@ -16,7 +16,7 @@ fn window(t_start_ns: u64, [friction, backlash, others]: [HealthState; 3], repla
         t_start_ns,
         health: worst.name().to_owned(),
         states,
-        replaced: replaced.to_owned(),
+        replaced: ReplacedPart::in_text(replaced).collect(),
         estimate: (others != Unknown).then(estimate),
         ..Point::default()
     }
@@ -76,11 +76,11 @@ fn a_state_holds_since_its_fault_was_first_in_it_over_recordings() {
         point.used_h = Some(used_h);
     }
     assert_eq!(of(&of_windows(points.clone())).since_ns, Some(2));
-    points[2].replaced = "controller".to_owned();
+    points[2].replaced = vec![Some(ReplacedPart::Controller)];
     assert_eq!(of(&of_windows(points.clone())).since_ns, Some(2));
-    for replaced in ["gearbox", "unit"] {
-        points[2].replaced = replaced.to_owned();
-        assert_eq!(of(&of_windows(points.clone())).since_ns, Some(4), "{replaced}");
+    for replaced in [Some(ReplacedPart::Gearbox), None] {
+        points[2].replaced = vec![replaced];
+        assert_eq!(of(&of_windows(points.clone())).since_ns, Some(4), "{replaced:?}");
     }
 }
 

@@ -273,7 +273,7 @@ impl Printer {
             }
             if is_ahead {
                 warn(format_args!(
-                    "{}: windows are after the present: where a clock was wrong, they stand before newer ones",
+                    "{}: windows are dated after the present: where that clock was wrong, they count as the newest, and newer ones as older",
                     printable(actuator)
                 ));
             }

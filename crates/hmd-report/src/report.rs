@@ -24,7 +24,7 @@ mod words;
 mod zone;
 
 pub use commissioning::commissioning_page;
-pub use files::{Files, ReportError};
+pub use files::{Files, RecordedLevels, ReportError};
 pub use history::{History, Point};
 pub use page::{View, page};
 pub use replacements::Maintenance;

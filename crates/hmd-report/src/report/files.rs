@@ -62,6 +62,21 @@ pub struct Source {
     pub status: Status,
     /// Parts of the file were damaged.
     pub damaged: bool,
+    /// Start of its newest window, UTC ns; 0 without any.
+    pub newest_ns: u64,
+}
+
+/// Levels that windows were assessed by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RecordedLevels {
+    /// Damage levels of the faults, in the order of [`FaultId::ALL`].
+    pub levels: [Levels; FaultId::COUNT],
+    /// `rul.critical_h`: an actuator is critical whose 10 % quantile of the hours left is below this.
+    pub critical_h: f64,
+    /// Whether some file says others.
+    pub differ: bool,
+    /// Whether every file says its own.
+    pub are_said_by_all: bool,
 }
 
 /// What some files say: of each actuator, of themselves, and events.
@@ -147,6 +162,8 @@ impl Files {
                 }
             }
             // Of this file alone so far.
+            let periods = files.actuators.values().filter_map(History::period_ns);
+            source.newest_ns = periods.map(|[_, last]| last).max().unwrap_or(0);
             for (name, mut history) in std::mem::take(&mut files.actuators) {
                 let number = |key: &str| source.metadata.get(&format!("{name}.{key}")).cloned();
                 let serial = number("serial_number");
@@ -178,20 +195,25 @@ impl Files {
         hashes.any(|found| *found != hash)
     }
 
-    /// The levels of the faults and `rul.critical_h` that the files were recorded with; `None` where one does not say them, or they differ.
+    /// The levels that the newest of the files that say theirs was recorded with; `None` where no file does.
     #[must_use]
-    pub fn recorded_levels(&self) -> Option<([Levels; FaultId::COUNT], f64)> {
+    pub fn recorded_levels(&self) -> Option<RecordedLevels> {
         let of = |source: &Source| {
             let levels = levels_from_text(source.metadata.get("levels")?)?;
             let critical_h = source.metadata.get("critical_h")?.parse::<f64>().ok()?;
-            critical_h.is_finite().then_some((levels, critical_h))
+            critical_h
+                .is_finite()
+                .then_some((source.newest_ns, (levels, critical_h)))
         };
-        let (first, others) = self.sources.split_first()?;
-        let recorded = of(first)?;
-        others
-            .iter()
-            .all(|source| of(source) == Some(recorded))
-            .then_some(recorded)
+        let said: Vec<_> = self.sources.iter().map(of).collect();
+        let of_newest = said.iter().flatten().max_by_key(|(newest_ns, _)| *newest_ns)?.1;
+        let (levels, critical_h) = of_newest;
+        Some(RecordedLevels {
+            levels,
+            critical_h,
+            differ: said.iter().flatten().any(|(_, others)| *others != of_newest),
+            are_said_by_all: said.iter().all(Option::is_some),
+        })
     }
 
     /// All actuators by name, or the one of this name.
@@ -265,19 +287,20 @@ mod tests {
     use hmd_core::levels_text::levels_text;
 
     #[test]
-    fn the_levels_of_the_files_are_those_that_all_of_them_say() {
+    fn the_levels_are_those_of_the_newest_file_that_says_them() {
         let low = Levels {
             critical: 0.4,
             ..Levels::default()
         };
         let levels = [low; FaultId::COUNT];
-        let recorded = |said: &[Option<f64>]| {
-            let source = |critical_h: &Option<f64>| {
+        let recorded = |said: &[(u64, Option<f64>)]| {
+            let source = |&(newest_ns, critical_h): &(u64, Option<f64>)| {
                 let said =
                     critical_h.map(|hours| [("levels", levels_text(&levels)), ("critical_h", hours.to_string())]);
                 let metadata = said.into_iter().flatten().map(|(key, text)| (key.to_owned(), text));
                 Source {
                     metadata: metadata.collect(),
+                    newest_ns,
                     ..Source::default()
                 }
             };
@@ -285,16 +308,17 @@ mod tests {
                 sources: said.iter().map(source).collect(),
                 ..Files::default()
             };
-            files.recorded_levels()
+            let found = files.recorded_levels();
+            assert!(found.is_none_or(|found| found.levels == levels));
+            found.map(|found| (found.critical_h.to_string(), found.differ, found.are_said_by_all))
         };
-        assert_eq!(recorded(&[Some(50.0); 2]), Some((levels, 50.0)));
-        for said in [
-            &[][..],
-            &[None],
-            &[Some(50.0), None],
-            &[Some(50.0), Some(0.0)],
-            &[Some(f64::NAN)],
-        ] {
+        let found = |hours: &str, differ: bool, by_all: bool| Some((hours.to_owned(), differ, by_all));
+        assert_eq!(recorded(&[(1, Some(50.0)), (2, Some(50.0))]), found("50", false, true));
+        assert_eq!(recorded(&[(1, Some(50.0)), (2, None)]), found("50", false, false));
+        // In any order of files.
+        assert_eq!(recorded(&[(1, Some(50.0)), (2, Some(0.0))]), found("0", true, true));
+        assert_eq!(recorded(&[(2, Some(0.0)), (1, Some(50.0))]), found("0", true, true));
+        for said in [&[][..], &[(1, None)], &[(1, Some(f64::NAN))]] {
             assert_eq!(recorded(said), None, "{said:?}");
         }
     }

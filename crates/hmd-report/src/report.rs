@@ -6,6 +6,7 @@
 mod axis;
 mod commissioning;
 mod doubt;
+mod fault_table;
 mod files;
 mod history;
 mod markup;

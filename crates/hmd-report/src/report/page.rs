@@ -5,6 +5,7 @@ use std::fmt::Write;
 use ema_models::FaultId;
 use hmd_core::health::Levels;
 
+use super::fault_table::faults;
 use super::files::Files;
 use super::history::History;
 use super::markup::document;
@@ -15,7 +16,7 @@ use super::recommendation::recommendation;
 use super::rules::Rules;
 use super::sections::{damages, fit, legend, remaining, residuals, timeline};
 use super::sources::{events, sources};
-use super::summary::{faults, headline, period};
+use super::summary::{headline, period};
 use super::zone::Zone;
 
 /// How a page is shown.

@@ -32,7 +32,7 @@ impl Newest {
         };
         let whole = &mut joined.newest;
         for mut recording in recordings {
-            let lies_between = |event: &&&Event| whole.is_parted_from(&recording, event.t_ns, now_ns);
+            let lies_between = |event: &&&Event| whole.is_replaced_between(&recording, event.t_ns, now_ns);
             let parts = replacements.iter().filter(lies_between).map(|event| event.part);
             let parts: Vec<Option<ReplacedPart>> = parts.collect();
             parts.iter().for_each(|part| recording.begin_part(*part));
@@ -73,7 +73,7 @@ impl Newest {
 
     /// Whether a replacement at this time, UTC ns, lies between this recording and a later one, whose use begins anew: neither knows of it. A
     /// recording that begins after now has a wrong clock.
-    fn is_parted_from(&self, later: &Self, replaced_ns: u64, now_ns: u64) -> bool {
+    fn is_replaced_between(&self, later: &Self, replaced_ns: u64, now_ns: u64) -> bool {
         let (Some([_, last_ns]), Some([first_ns, _])) = (self.period_ns, later.period_ns) else {
             return false;
         };

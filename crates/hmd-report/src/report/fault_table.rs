@@ -41,12 +41,12 @@ pub(super) fn faults(history: &History, rules: &Rules, zone: &Zone) -> String {
             return cells.map(escaped).to_vec();
         }
         let shown = history.newest.shown.of(fault);
-        let left = left[fault.index()].map_or_else(|| without_trend(shown, rules.known(fault), state, rul), hours);
+        let left = left[fault.index()].map_or_else(|| without_trend(shown, rules.of_windows(fault), state, rul), hours);
         vec![
             escaped(fault.plain_name()),
             escaped(mode.item),
             shown.map_or_else(|| "not known".to_owned(), |shown| percent_of(shown.damage)),
-            escaped(&level(shown, rules.known(fault), state)),
+            escaped(&level(shown, rules.of_windows(fault), state)),
             match (shown, in_doubt(history, fault)) {
                 (Some(shown), _) => zone.minute(shown.t_start_ns),
                 (None, Some(point)) => format!("in doubt since {}", zone.minute(point.t_start_ns)),
@@ -163,17 +163,17 @@ mod tests {
             sigma: Some(0.01),
             t_start_ns: 0,
         };
-        let text = level(Some(shown), rules.known(FaultId::Friction), HealthState::Watch);
+        let text = level(Some(shown), rules.of_windows(FaultId::Friction), HealthState::Watch);
         assert_eq!(
             text,
             "watch: recorded by other levels than those of this page, by which it is warning"
         );
         // Levels that the recording does not say explain nothing.
         let unknown = Rules {
-            are_known: false,
+            are_levels_of_windows: false,
             ..rules
         };
-        let mode = unknown.known(FaultId::Friction);
+        let mode = unknown.of_windows(FaultId::Friction);
         assert_eq!(level(Some(shown), mode, HealthState::Critical), "critical");
         let text = without_trend(Some(shown), mode, HealthState::Nominal, &Rul::default());
         assert_eq!(text, "no trend: below the watch level, or within its uncertainty");

@@ -43,7 +43,7 @@ pub struct Point {
     /// Whether its hours pass without use, too.
     pub is_elapsed: bool,
     /// Whether it is the first of a recording that knew nothing of the one before.
-    pub begins: bool,
+    pub begins_recording: bool,
 }
 
 impl Point {
@@ -179,7 +179,7 @@ impl History {
             reason: health.reason.clone(),
             ends_first: None,
             is_elapsed: false,
-            begins: false,
+            begins_recording: false,
         });
     }
 

@@ -29,7 +29,7 @@ pub struct View {
     /// An actuator is critical whose 10 % quantile of the hours left is below this; 0: never.
     pub critical_h: f64,
     /// Whether the windows were assessed by these levels, as far as is known.
-    pub are_known: bool,
+    pub are_levels_of_windows: bool,
     /// A sentence about these levels, where they may be others than those of the recordings.
     pub notice: Option<String>,
 }
@@ -37,7 +37,7 @@ pub struct View {
 /// The report of these actuators of the files as one HTML file.
 #[must_use]
 pub fn page(files: &Files, histories: &[&History], view: &View) -> String {
-    let rules = Rules::new(&view.levels, view.critical_h, view.are_known);
+    let rules = Rules::new(&view.levels, view.critical_h, view.are_levels_of_windows);
     let title = match histories {
         [history] => format!("Health report of {}", escaped(&history.actuator)),
         _ => format!("Health report of {} actuators", histories.len()),
@@ -140,7 +140,7 @@ mod tests {
             zone: Zone::utc(),
             levels: [Levels::default(); FaultId::COUNT],
             critical_h: 0.0,
-            are_known: true,
+            are_levels_of_windows: true,
             notice: None,
         }
     }

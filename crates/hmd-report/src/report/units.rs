@@ -93,7 +93,7 @@ fn joined(actuator: String, mut recordings: Vec<Part>, maintenance: &Maintenance
         let mut later = recording.history;
         parts.into_iter().for_each(|part| later.mark_replaced(part));
         if let Some(first) = later.points.first_mut() {
-            first.begins = true;
+            first.begins_recording = true;
         }
         whole.append(later);
     }

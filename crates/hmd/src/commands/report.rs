@@ -123,7 +123,7 @@ fn view(zone: Zone, recorded: Option<RecordedLevels>, configured: &Configured<'_
         Some(of) if !is_named => (of.levels, of.critical_h),
         _ => (configured.levels, configured.critical_h),
     };
-    let are_known = match recorded {
+    let are_levels_of_windows = match recorded {
         // Of a file that does not say its own, the configuration that is named does.
         Some(of) => {
             !of.differ && (of.levels, of.critical_h) == (levels, critical_h) && (of.are_said_by_all || is_named)
@@ -132,7 +132,7 @@ fn view(zone: Zone, recorded: Option<RecordedLevels>, configured: &Configured<'_
     };
     let are_said_by_all = recorded.is_some_and(|of| of.are_said_by_all);
     // A named configuration that other files may have been recorded with may be a mistake.
-    let is_doubtful = !are_known || (is_named && configured.is_other && !are_said_by_all);
+    let is_doubtful = !are_levels_of_windows || (is_named && configured.is_other && !are_said_by_all);
     let notice = is_doubtful.then(|| {
         let page = match (configured.path, recorded) {
             (Some(path), _) => format!("those of {}", path.display()),
@@ -140,7 +140,7 @@ fn view(zone: Zone, recorded: Option<RecordedLevels>, configured: &Configured<'_
             (None, None) => "the defaults (-c CONFIG has others)".to_owned(),
         };
         let files = match recorded {
-            Some(of) if is_named && !of.differ && !are_known => "the files were recorded with others",
+            Some(of) if is_named && !of.differ && !are_levels_of_windows => "the files were recorded with others",
             Some(_) => "some files were recorded with others, or do not say theirs",
             None => "the files were recorded with another configuration",
         };
@@ -150,7 +150,7 @@ fn view(zone: Zone, recorded: Option<RecordedLevels>, configured: &Configured<'_
         zone,
         levels,
         critical_h,
-        are_known,
+        are_levels_of_windows,
         notice,
     }
 }
@@ -186,7 +186,7 @@ mod tests {
                 is_other: true,
             };
             let view = view(Zone::utc(), recorded, &configured);
-            (view.levels[0] == low, view.are_known, view.notice.is_some())
+            (view.levels[0] == low, view.are_levels_of_windows, view.notice.is_some())
         };
         // Levels of the recording, known, notice.
         assert_eq!(of(Some(said(low, false, true)), None), (true, true, false));

@@ -93,7 +93,7 @@ fn of_health(
 fn opening(history: &History) -> Vec<bool> {
     let mut opens = false;
     let of = |point: &Point| {
-        opens = (opens || point.begins) && HealthState::named(&point.health) == HealthState::Unknown;
+        opens = (opens || point.begins_recording) && HealthState::named(&point.health) == HealthState::Unknown;
         opens
     };
     history.points.iter().map(of).collect()

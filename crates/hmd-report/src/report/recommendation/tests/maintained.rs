@@ -69,7 +69,7 @@ fn a_critical_friction_stays_in_doubt_until_a_window_shows_it() {
 fn a_state_holds_since_its_fault_was_first_in_it_over_recordings() {
     let worn = |t_ns: u64| window(t_ns, [Warning, Nominal, Nominal], "");
     let mut begins = window(3, [Unknown; 3], "");
-    begins.begins = true;
+    begins.begins_recording = true;
     // It begins to count its use anew, and knows nothing at first.
     let mut points = vec![window(1, [Nominal; 3], ""), worn(2), begins, worn(4)];
     for (point, used_h) in points.iter_mut().zip([1.0, 2.0, 0.0, 1.0]) {
@@ -111,7 +111,7 @@ fn an_actuator_stays_nominal_over_a_recording_that_knows_nothing_at_first() {
     ];
     // A doubt ends it.
     assert_eq!(of(&of_windows(points.clone())).since_ns, Some(4));
-    points[2].begins = true;
+    points[2].begins_recording = true;
     assert_eq!(of(&of_windows(points)).since_ns, Some(2));
 }
 

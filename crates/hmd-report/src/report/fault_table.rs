@@ -19,6 +19,7 @@ use super::zone::Zone;
 pub(super) fn faults(history: &History, rules: &Rules, zone: &Zone) -> String {
     let rul = &history.newest.rul;
     let (states, left) = (history.states(), rul.faults());
+    let newest_ns = history.newest.health.t_start_ns;
     let row = |fault: FaultId| {
         let (mode, state) = (rules.of(fault), states[fault.index()]);
         if history.is_replaced_since(fault) {
@@ -46,7 +47,7 @@ pub(super) fn faults(history: &History, rules: &Rules, zone: &Zone) -> String {
             escaped(fault.plain_name()),
             escaped(mode.item),
             shown.map_or_else(|| "not known".to_owned(), |shown| percent_of(shown.damage)),
-            escaped(&level(shown, rules.of_windows(fault), state)),
+            escaped(&level(shown, rules.of_windows(fault), state, newest_ns)),
             match (shown, in_doubt(history, fault)) {
                 (Some(shown), _) => zone.minute(shown.t_start_ns),
                 (None, Some(point)) => format!("in doubt since {}", zone.minute(point.t_start_ns)),
@@ -82,8 +83,8 @@ pub(super) fn percent_of(damage: f64) -> String {
     format!("{:.1} %", 100.0 * damage)
 }
 
-/// The level of a fault; where it is another than that of the damage, why. Without a mode the levels are not known.
-fn level(shown: Option<Shown>, mode: Option<&FaultMode>, state: HealthState) -> String {
+/// The level of a fault after the newest window, UTC ns; where it is another than that of the damage, why. Without a mode the levels are not known.
+fn level(shown: Option<Shown>, mode: Option<&FaultMode>, state: HealthState, newest_ns: u64) -> String {
     let (Some(shown), Some(mode)) = (shown, mode) else {
         return state.to_string();
     };
@@ -102,6 +103,10 @@ fn level(shown: Option<Shown>, mode: Option<&FaultMode>, state: HealthState) -> 
                     "{state}: {by_damage} takes {} windows in a row",
                     mode.persistence_windows
                 )
+            }
+            // A window improves a state also where it is too uncertain to show a damage.
+            _ if shown.t_start_ns < newest_ns => {
+                format!("{state}: later windows show less, too uncertain for a number")
             }
             _ => format!("{state}: recorded by other levels than those of this page, by which it is {by_damage}"),
         }
@@ -124,10 +129,13 @@ fn without_trend(shown: Option<Shown>, mode: Option<&FaultMode>, state: HealthSt
         Some(_) if state >= HealthState::Watch => {
             "no trend: the damage does not grow, or the windows are too few".to_owned()
         }
-        Some(shown) => match mode.map(|mode| level_of(shown.damage, mode)) {
+        Some(shown) => match mode.map(|mode| (level_of(shown.damage, mode), mode.significance_sigmas)) {
             None => "no trend: below the watch level, or within its uncertainty".to_owned(),
-            Some(HealthState::Nominal) => "no trend: below the watch level".to_owned(),
-            Some(_) => "no trend: the damage is within its uncertainty".to_owned(),
+            Some((HealthState::Nominal, _)) => "no trend: below the watch level".to_owned(),
+            Some((_, sigmas)) if shown.sigma.is_some_and(|sigma| shown.damage < sigmas * sigma) => {
+                "no trend: the damage is within its uncertainty".to_owned()
+            }
+            Some(_) => "no trend: the watch level is not reached for long enough".to_owned(),
         },
     }
 }
@@ -163,10 +171,14 @@ mod tests {
             sigma: Some(0.01),
             t_start_ns: 0,
         };
-        let text = level(Some(shown), rules.of_windows(FaultId::Friction), HealthState::Watch);
+        let mode = rules.of_windows(FaultId::Friction);
         assert_eq!(
-            text,
+            level(Some(shown), mode, HealthState::Watch, 0),
             "watch: recorded by other levels than those of this page, by which it is warning"
+        );
+        assert_eq!(
+            level(Some(shown), mode, HealthState::Watch, 1),
+            "watch: later windows show less, too uncertain for a number"
         );
         // Levels that the recording does not say explain nothing.
         let unknown = Rules {
@@ -174,8 +186,22 @@ mod tests {
             ..rules
         };
         let mode = unknown.of_windows(FaultId::Friction);
-        assert_eq!(level(Some(shown), mode, HealthState::Critical), "critical");
+        assert_eq!(level(Some(shown), mode, HealthState::Critical, 0), "critical");
         let text = without_trend(Some(shown), mode, HealthState::Nominal, &Rul::default());
         assert_eq!(text, "no trend: below the watch level, or within its uncertainty");
+        let mode = Rules::default();
+        let without = |sigma: f64| {
+            let shown = Shown {
+                sigma: Some(sigma),
+                ..shown
+            };
+            let mode = mode.of_windows(FaultId::Friction);
+            without_trend(Some(shown), mode, HealthState::Nominal, &Rul::default())
+        };
+        assert_eq!(without(0.2), "no trend: the damage is within its uncertainty");
+        assert_eq!(
+            without(0.01),
+            "no trend: the watch level is not reached for long enough"
+        );
     }
 }

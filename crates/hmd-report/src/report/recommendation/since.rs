@@ -65,8 +65,15 @@ fn of_health(
     let assessed = history.points.iter().rfind(|point| point.estimate.is_some());
     let is_reported = assessed.or(history.points.last()).is_some_and(reports);
     let opens = opening(history);
+    // A state by the remaining life may rest on the forecast of an earlier recording, which the windows since do not repeat.
+    let forecast_ns = Some(history.newest.rul.t_start_ns).filter(|t_ns| reported.is_none() && *t_ns != 0);
+    let predicted = history
+        .points
+        .iter()
+        .rposition(|point| Some(point.t_start_ns) == forecast_ns);
+    let end = predicted.map_or(history.points.len(), |n| n + 1);
     let mut since = None;
-    for n in (0..history.points.len()).rev() {
+    for n in (0..end).rev() {
         let point = &history.points[n];
         let was_silent = point.estimate.is_none();
         let of_point = HealthState::named(&point.health);

@@ -99,6 +99,25 @@ fn a_fault_was_critical_by_its_life_before_it_was_by_its_damage() {
     assert_eq!(of(&of_windows(points)).since_ns, Some(3));
 }
 
+/// A later recording that has no forecast is at watch by itself.
+#[test]
+fn a_state_by_a_forecast_of_before_has_its_time() {
+    let mut by_life = window(2, [Watch, Nominal, Nominal], "");
+    by_life.health = "critical".to_owned();
+    by_life.ends_first = Some(FaultId::Friction);
+    let points = vec![
+        window(1, [Watch, Nominal, Nominal], ""),
+        by_life,
+        window(3, [Watch, Nominal, Nominal], ""),
+    ];
+    let mut history = of_windows(points);
+    history.newest.health.health = "critical".to_owned();
+    let rul = &mut history.newest.rul;
+    (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) = (Some(1.0), Some(2.0), Some(3.0));
+    (rul.t_start_ns, rul.dominant_fault) = (2, "friction".to_owned());
+    assert_eq!((of(&history).state, of(&history).since_ns), (Critical, Some(2)));
+}
+
 #[test]
 fn an_actuator_stays_nominal_over_a_recording_that_knows_nothing_at_first() {
     let mut opening = window(3, [Unknown, Nominal, Nominal], "");

@@ -248,14 +248,15 @@ impl Printer {
         (before != number).then(|| printable(number))
     }
 
-    /// A line for each unit, with its serial number where others have the same name; the recording with the newest window has the last word.
+    /// A line for each unit, with its serial number where others have the same name in the line; the recording with the newest window has the last word.
     /// What was replaced after its newest window and until now, UTC ns, by these events is unknown.
     fn summary_lines(self, events: &Events, config: &Config, now_ns: u64) -> impl Iterator<Item = String> {
         let names: Vec<String> = self.summaries.keys().map(|(name, _)| name.clone()).collect();
+        let is_one_of = move |is_same: &dyn Fn(&str) -> bool| names.iter().filter(|name| is_same(name)).count() > 1;
         self.summaries.into_iter().map(move |((actuator, unit_number), runs)| {
-            let actuator = actuator.as_str();
-            let has_others = names.iter().filter(|name| *name == actuator).count() > 1;
-            let serial_number = unit_number.as_deref().filter(|_| has_others);
+            let (actuator, sent) = (actuator.as_str(), summary::sent_name(&actuator));
+            let serial_number = unit_number.as_deref().filter(|_| is_one_of(&|name| name == actuator));
+            let sent_number = unit_number.as_deref().filter(|_| is_one_of(&|name| summary::sent_name(name) == sent));
             let is_replacement = |event: &&Event| {
                 let is_reset = event.event == EventKind::Reset && event.is_about(actuator, serial_number, config);
                 is_reset && event.t_ns <= now_ns
@@ -288,7 +289,7 @@ impl Printer {
             }
             let mut newest = joined.newest;
             joined.since.into_iter().for_each(|event| newest.replace(event.part));
-            summary::summary_line(&newest, serial_number)
+            summary::summary_line(&newest, sent_number)
         })
     }
 

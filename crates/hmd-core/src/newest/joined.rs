@@ -3,8 +3,10 @@
 use ema_models::FaultId;
 
 use super::Newest;
-use crate::health::HealthState;
+use crate::health::{HealthState, SIGNIFICANCE};
 use crate::history::{Event, ReplacedPart};
+use crate::record::Rul;
+use crate::rul::NoTrend;
 
 /// Recordings of one unit, one after the other.
 #[derive(Debug, Default)]
@@ -110,7 +112,7 @@ impl Newest {
 
     /// Goes on with a later recording, which knew nothing of this one: what it leaves open holds as it was known before, unless the part was
     /// replaced. A fault at watch or worse holds until a window shows that it is less; one that was nominal is in doubt once a window has a reading
-    /// of it that does not show its state. A state by the remaining life holds until there is another forecast. Of recordings that overlap in
+    /// of it that does not show its state. A forecast, and a state by it, holds until there is another or no growth. Of recordings that overlap in
     /// time, a worse state holds that this one has shown later.
     pub(super) fn go_on(&mut self, mut later: Self) {
         let own = later.states();
@@ -128,9 +130,11 @@ impl Newest {
                 later.shown.forget(fault);
             }
         }
-        let by_life = self
-            .state_by_life()
-            .filter(|_| !later.has_forecast && self.keeps_end(&later));
+        for (fault, of_later) in FaultId::ALL.into_iter().zip(own) {
+            later.fallen[fault.index()] |= of_later == HealthState::Nominal && self.falls_to(&later, fault);
+        }
+        let holds = self.keeps_forecast(&later);
+        let by_life = self.state_by_life().filter(|_| holds);
         let worst = states
             .into_iter()
             .max()
@@ -142,13 +146,46 @@ impl Newest {
         if is_other && worst > state && (worst > HealthState::Nominal || is_known) {
             worst.name().clone_into(&mut later.health.health);
         }
-        if by_life.is_some() {
-            let mut rul = self.rul.clone();
-            rul.forget(|fault| later.has_renewed(fault), false);
-            later.rul = rul;
+        if holds && self.rul.rul_p10_h.is_some() {
+            later.rul = self.forecast_left(&later, &states, by_life.is_some());
         }
         later.health.set_states(&states);
         self.join(later, &states);
+    }
+
+    /// Whether the forecast before a later recording holds after it: that has none, nothing that was replaced takes away what ends the life, and no
+    /// windows show that it does not grow.
+    fn keeps_forecast(&self, later: &Self) -> bool {
+        let is_shown = |fault: FaultId| later.shown.of(fault).is_some();
+        let is_steady = later.rul.reason == NoTrend::NoGrowth.to_string() && self.ends_first().is_none_or(is_shown);
+        !later.has_forecast && self.keeps_end(later) && !is_steady
+    }
+
+    /// The hours that are left by the forecast before a later recording, to the faults that are still at watch or worse after it; `is_by_life`: and
+    /// to that which ends the life.
+    fn forecast_left(&self, later: &Self, states: &[HealthState; FaultId::COUNT], is_by_life: bool) -> Rul {
+        let ends_first = self.ends_first().filter(|_| is_by_life);
+        let is_worn = |fault: FaultId| states[fault.index()] >= HealthState::Watch || ends_first == Some(fault);
+        let is_gone = |fault: FaultId| later.has_renewed(fault) || !is_worn(fault);
+        let ends_alone = self.end().filter(|end| !end.by_function).and_then(|end| end.fault);
+        // All faults together miss a requirement.
+        let is_end_gone = match ends_alone {
+            Some(fault) => is_gone(fault),
+            None => !is_by_life && !FaultId::ALL.into_iter().any(is_worn),
+        };
+        let mut rul = self.rul.clone();
+        rul.forget(is_gone, is_end_gone);
+        rul
+    }
+
+    /// Whether the damage of a fault at warning or worse is less than half of it in a later recording, with three sigmas, and its part the same.
+    fn falls_to(&self, later: &Self, fault: FaultId) -> bool {
+        let [Some(before), Some(after)] = [&self.shown, &later.shown].map(|shown| shown.of(fault)) else {
+            return false;
+        };
+        let is_worn = self.states()[fault.index()] >= HealthState::Warning && before.t_start_ns < after.t_start_ns;
+        let is_less = after.damage + SIGNIFICANCE * after.sigma.unwrap_or(0.0) < 0.5 * before.damage;
+        is_worn && is_less && !later.has_renewed(fault)
     }
 
     /// Whether nothing that was replaced later takes away what ends the life.
@@ -194,7 +231,7 @@ mod tests {
     use super::*;
     use crate::history::EventKind;
     use crate::newest::tests::recording;
-    use crate::record::{Health, Rul};
+    use crate::record::Health;
     use HealthState::{Critical, Nominal, Unknown, Watch};
 
     /// Windows at these times, UTC ns, all faults in one state.
@@ -371,5 +408,75 @@ mod tests {
             (rul.rul_p10_h, rul.short_a_p10_h, rul.backlash_p10_h),
             (Some(1.0), Some(1.0), None)
         );
+    }
+
+    /// A forecast of gain and backlash, then a recording with these states of backlash and of all others.
+    fn after_forecast(later: [HealthState; 2], reason: &str) -> Newest {
+        let mut before = recording(Watch, [Watch, Watch], true, "");
+        let mut rul = Rul {
+            rul_p10_h: Some(90.0),
+            dominant_fault: "backlash".to_owned(),
+            governed_by: "damage".to_owned(),
+            ..Rul::default()
+        };
+        let hours = [None, Some(90.0), None, None, None, None, Some(200.0)];
+        rul.set_faults(hours.map(|h| h.map(|h| ([h, h, h], 0.5))));
+        before.add_rul(rul);
+        let mut later = recording(later[0], later, true, "");
+        let mut health = later.health.clone();
+        health.set_damage([Some(0.1); FaultId::COUNT]);
+        later.add(health);
+        later.add_rul(Rul {
+            reason: reason.to_owned(),
+            ..Rul::default()
+        });
+        before.go_on(later);
+        before
+    }
+
+    #[test]
+    fn a_forecast_of_worn_parts_holds_over_a_recording_without_one() {
+        let few = "no trend yet: 1 of 6 estimates";
+        let hours = |newest: Newest| (newest.rul.rul_p10_h, newest.rul.backlash_p10_h, newest.rul.gain_p10_h);
+        assert_eq!(
+            hours(after_forecast([Watch; 2], few)),
+            (Some(90.0), Some(90.0), Some(200.0))
+        );
+        // Until windows show no growth, and of the parts that are still worn.
+        assert_eq!(hours(after_forecast([Watch; 2], "no fault grows")), (None, None, None));
+        assert_eq!(
+            hours(after_forecast([Watch, Nominal], few)),
+            (Some(90.0), Some(90.0), None)
+        );
+        assert_eq!(
+            hours(after_forecast([Nominal, Watch], few)),
+            (Some(200.0), None, Some(200.0))
+        );
+        assert_eq!(hours(after_forecast([Nominal; 2], few)), (None, None, None));
+    }
+
+    #[test]
+    fn a_damage_that_fell_between_recordings_is_told() {
+        let at = |t_start_ns: u64, state: HealthState, damage: f64| {
+            let mut newest = recording(state, [state, Nominal], false, "");
+            let mut health = newest.health.clone();
+            health.t_start_ns = t_start_ns;
+            health.set_damage([Some(damage); FaultId::COUNT]);
+            newest.add(health);
+            newest
+        };
+        let has_fallen = |damage: f64, part: Option<ReplacedPart>, state: HealthState| {
+            let mut before = at(10, HealthState::Warning, 0.4);
+            let mut later = at(20, state, damage);
+            if part.is_some() {
+                later.begin_part(part);
+            }
+            before.go_on(later);
+            before.fallen[FaultId::Backlash.index()]
+        };
+        use ReplacedPart::{Gearbox, Motor};
+        assert!(has_fallen(0.01, None, Nominal) && has_fallen(0.01, Some(Motor), Nominal));
+        assert!(!has_fallen(0.01, Some(Gearbox), Nominal));
+        assert!(!has_fallen(0.3, None, Nominal) && !has_fallen(0.1, None, Watch));
     }
 }

@@ -116,7 +116,7 @@ fn level(shown: Option<Shown>, mode: Option<&FaultMode>, state: HealthState, new
 }
 
 /// The level of a damage by itself.
-fn level_of(damage: f64, mode: &FaultMode) -> HealthState {
+pub(super) fn level_of(damage: f64, mode: &FaultMode) -> HealthState {
     let reached = mode.severity.iter().rfind(|severity| damage >= severity.damage);
     reached.map_or(HealthState::Nominal, |severity| severity.class)
 }

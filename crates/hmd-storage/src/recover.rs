@@ -4,7 +4,7 @@
 //! and reported. The result has a summary again, so that any reader takes it. Bounded like the reader below
 //! ([`McapMessages`]), with a list of at most [`LISTED_MAX`] losses.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::io::{self, Read, Seek, Write};
 use std::sync::Arc;
 
@@ -16,10 +16,13 @@ use crate::mcap::messages::McapMetadata;
 use crate::mcap::{McapFault, McapFrames, McapLoss, McapMessage, McapMessages};
 use crate::mcap_writer::{root_cause, write_options};
 use hmd_core::frame::BusNames;
-use hmd_core::metadata_checksum::is_sealed;
+use hmd_core::metadata_checksum::{is_sealed, seal};
 
 /// Most losses that are listed; the others are counted.
 pub const LISTED_MAX: usize = 1000;
+
+/// Name of the metadata record of a copy that lacks parts of its original; `losses` is their number.
+pub const RECOVERED_NAME: &str = "hmd.recovered";
 
 /// Library in the header of a copy of a file that another program wrote.
 const LIBRARY_OF_OTHERS: &str = concat!("hmd-recover/", env!("CARGO_PKG_VERSION"));
@@ -80,7 +83,8 @@ impl Recovered {
     }
 }
 
-/// Writes what is intact in `input` to `out` as a finished file with this `profile` in its header.
+/// Writes what is intact in `input` to `out` as a finished file with this `profile` in its header. Where something is lost, a metadata record
+/// [`RECOVERED_NAME`] says so: the copy itself is whole.
 ///
 /// # Errors
 /// [`RecoverError`]; damage of the input is none, it is in the report.
@@ -90,10 +94,17 @@ pub fn recover<R: Read + Seek, W: Write + Seek>(
     out: W,
     profile: &str,
 ) -> Result<(W, Recovered), RecoverError> {
-    recover_within(input, file, out, profile, u64::MAX)
+    let (mut copy, report) = copied(input, file, out, profile, u64::MAX)?;
+    if !report.is_intact() {
+        let mut metadata = BTreeMap::from([("losses".to_owned(), report.losses_total.to_string())]);
+        seal(RECOVERED_NAME, &mut metadata);
+        let name = RECOVERED_NAME.to_owned();
+        copy.writer.write_metadata(&Metadata { name, metadata })?;
+    }
+    Ok((copy.finished()?, report))
 }
 
-/// The same, given up when the chunks expand to more than `expanded_max` bytes.
+/// The same without that record, given up when the chunks expand to more than `expanded_max` bytes.
 pub(crate) fn recover_within<R: Read + Seek, W: Write + Seek>(
     input: R,
     file: &str,
@@ -101,6 +112,18 @@ pub(crate) fn recover_within<R: Read + Seek, W: Write + Seek>(
     profile: &str,
     expanded_max: u64,
 ) -> Result<(W, Recovered), RecoverError> {
+    let (copy, report) = copied(input, file, out, profile, expanded_max)?;
+    Ok((copy.finished()?, report))
+}
+
+/// What is intact, in a file that is not finished yet.
+fn copied<R: Read + Seek, W: Write + Seek>(
+    input: R,
+    file: &str,
+    out: W,
+    profile: &str,
+    expanded_max: u64,
+) -> Result<(Copy<W>, Recovered), RecoverError> {
     let messages = McapMessages::new(input, file).map_err(|cause| RecoverError::Input {
         file: file.to_owned(),
         cause,
@@ -157,10 +180,7 @@ pub(crate) fn recover_within<R: Read + Seek, W: Write + Seek>(
     report.chunks = messages.chunks();
     report.expanded_bytes = messages.expanded_bytes();
     report.last_chunk_at = copy.chunk_at;
-    copy.writer.finish()?;
-    let mut out = copy.writer.into_inner();
-    out.flush().map_err(McapError::from)?;
-    Ok((out, report))
+    Ok((copy, report))
 }
 
 /// Raw frames in a file, and how many are missing between them by their count.
@@ -194,6 +214,14 @@ struct Copy<W: Write + Seek> {
 const CHUNK_BYTES_MIN: usize = 4096;
 
 impl<W: Write + Seek> Copy<W> {
+    /// The file with its summary.
+    fn finished(mut self) -> Result<W, McapError> {
+        self.writer.finish()?;
+        let mut out = self.writer.into_inner();
+        out.flush()?;
+        Ok(out)
+    }
+
     /// Ends the chunk where the source did, unless it is very small.
     fn message(&mut self, message: &McapMessage) -> Result<(), McapError> {
         let is_new = self.chunk_at.replace(message.at_byte) != Some(message.at_byte);

@@ -18,6 +18,7 @@ use hmd_core::record::{Health, Log, Record, Rul, Sensors, Status, Window};
 use hmd_ingest::file::open_recorded;
 use hmd_storage::mcap::{McapLoss, McapMessages, NoWindows};
 use hmd_storage::mcap_writer::METADATA_NAME;
+use hmd_storage::recover::RECOVERED_NAME;
 
 /// Why there is no report.
 #[derive(Debug, thiserror::Error)]
@@ -60,7 +61,7 @@ pub struct Source {
     pub metadata: BTreeMap<String, String>,
     /// Counts at its end.
     pub status: Status,
-    /// Parts of the file were damaged.
+    /// Parts of the file were damaged, or of the one that it was recovered from.
     pub damaged: bool,
     /// Start of its newest window, UTC ns; 0 without any.
     pub newest_ns: u64,
@@ -154,6 +155,8 @@ impl Files {
                 }
             }
             files.nothing.note(&messages);
+            // A copy of what was intact is whole itself.
+            source.damaged |= !matches!(messages.verified_metadata(RECOVERED_NAME), Ok(None));
             match messages.verified_metadata(METADATA_NAME) {
                 Ok(metadata) => source.metadata = metadata.cloned().unwrap_or_default(),
                 Err(loss) => {

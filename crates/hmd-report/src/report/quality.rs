@@ -66,7 +66,7 @@ pub(super) fn losses(files: &Files) -> String {
         }
     }
     for source in files.sources.iter().filter(|source| source.damaged) {
-        rows += &loss(&source.file, "parts of the file are damaged", "yes");
+        rows += &loss(&source.file, "parts of the recording are missing or damaged", "yes");
     }
     if rows.is_empty() {
         text + "<p>The files lost nothing: no frame, no sample, no window of any actuator.</p>\n"

@@ -400,6 +400,16 @@ fn the_verb_says_what_is_lost_and_exits_with_3() {
     assert_eq!(code, Some(3), "{summary}{lost}");
     assert!(summary.contains("kept 5 chunks"), "{summary}");
     assert!(lost.contains("2000 raw frames missing"), "{lost}");
+    // The copy is whole; the page of it says that the recording is not.
+    let page = folder.path().join("page.html");
+    let report = Command::new(env!("CARGO_BIN_EXE_hmd"))
+        .arg("report")
+        .args([out.as_path(), dash_o, page.as_path()])
+        .output()
+        .unwrap();
+    assert!(report.status.success(), "{}", String::from_utf8_lossy(&report.stderr));
+    let page = std::fs::read_to_string(&page).unwrap();
+    assert!(page.contains("Parts of a recording are missing or damaged"), "{page}");
 
     let (code, [_, text]) = run(&[&log, dash_o, &log]);
     assert_eq!(code, Some(2), "{text}");

@@ -1,12 +1,16 @@
 //! What the recordings of one unit say of it now: newest health, remaining life, and the damage last shown.
 
+mod joined;
+
 use std::collections::BTreeSet;
 
 use ema_models::FaultId;
 
 use crate::health::HealthState;
-use crate::history::{Event, FELL, LifeEnd, ReplacedPart};
+use crate::history::{FELL, LifeEnd, ReplacedPart};
 use crate::record::{Health, LastShown, Rul};
+
+pub use joined::Joined;
 
 /// The newest records of one unit. Windows of one recording are added in order; recordings are then joined.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -19,29 +23,19 @@ pub struct Newest {
     pub shown: LastShown,
     /// Whether some window has a reading of the fault.
     has_reading: [bool; FaultId::COUNT],
-    /// Parts, or the unit (`None`), that were replaced before some window.
-    replaced: BTreeSet<Option<ReplacedPart>>,
+    /// Parts, or the unit (`None`), that were replaced before a window, with its start, UTC ns.
+    replacements: BTreeSet<(u64, Option<ReplacedPart>)>,
     /// Whether some window had a forecast.
     has_forecast: bool,
     /// What ended the life by the newest forecast that there was; `None` once its part is replaced.
     end: Option<LifeEnd>,
     /// Starts of the earliest and the latest window, UTC ns.
     period_ns: Option<[u64; 2]>,
-    /// All windows.
-    windows: Vec<SeenWindow>,
     /// Operating hours after the first and after the newest window that has them.
     used_h: Option<[f64; 2]>,
     /// Whether the damage of each fault fell without a recorded repair, in the order of [`FaultId::ALL`]; until it is back, or its part is
     /// replaced.
     pub fallen: [bool; FaultId::COUNT],
-}
-
-/// What a window says of use and replacements.
-#[derive(Clone, Debug, Default, PartialEq)]
-struct SeenWindow {
-    t_start_ns: u64,
-    /// What was replaced before it: `unit`, or parts, joined by commas.
-    replaced: String,
 }
 
 impl Newest {
@@ -67,29 +61,18 @@ impl Newest {
         let t_ns = health.t_start_ns;
         let [first, last] = self.period_ns.unwrap_or([t_ns; 2]);
         self.period_ns = Some([first.min(t_ns), last.max(t_ns)]);
-        self.windows.push(SeenWindow {
-            t_start_ns: t_ns,
-            ..SeenWindow::default()
-        });
         self.health = health;
         self.rul = Rul::default();
     }
 
     /// Takes what was left after the newest window.
     pub fn add_rul(&mut self, rul: Rul) {
-        for what in rul.replaced.split(',') {
-            let part = ReplacedPart::from_name(what);
-            if part.is_none() && what != "unit" {
-                continue;
-            }
-            self.replaced.insert(part);
+        for part in ReplacedPart::in_text(&rul.replaced) {
+            self.replacements.insert((self.health.t_start_ns, part));
             self.end = self.end.filter(|end| !end.is_of(part));
             for fault in FaultId::ALL {
                 self.fallen[fault.index()] &= !ReplacedPart::renews(part, fault);
             }
-        }
-        if let Some(window) = self.windows.last_mut() {
-            window.replaced.clone_from(&rul.replaced);
         }
         if let Some(used_h) = rul.operating_h {
             self.used_h = Some([self.used_h.map_or(used_h, |[first, _]| first), used_h]);
@@ -116,7 +99,7 @@ impl Newest {
         }
         match part {
             None => self.rul = Rul::default(),
-            Some(_) => self.rul.forget(is_new),
+            Some(_) => self.rul.forget(is_new, is_life_new),
         }
         // Of every part some fault is unknown now.
         let worst = states.into_iter().max().unwrap_or_default().max(by_life);
@@ -125,50 +108,6 @@ impl Newest {
             .unwrap_or_default();
         state.name().clone_into(&mut self.health.health);
         self.health.set_states(&states);
-    }
-
-    /// Whether no window began after this time, UTC ns.
-    #[must_use]
-    pub fn is_before(&self, t_ns: u64) -> bool {
-        self.period_ns.is_none_or(|[_, last]| last < t_ns)
-    }
-
-    /// Notes that this recording is of another unit than the one before it.
-    pub fn begin_unit(&mut self) {
-        self.begin_part(None);
-    }
-
-    /// Whether the windows know of a replacement before the newest of them: a window since then has followed it, or the history began after
-    /// it. One whose windows are all dated after now, UTC ns, did not begin then: its clock was wrong.
-    #[must_use]
-    pub fn knows(&self, event: &Event, now_ns: u64) -> bool {
-        let what = event.part.map_or("unit", ReplacedPart::name);
-        let is_since = |window: &SeenWindow| window.t_start_ns >= event.t_ns;
-        let mut since = self.windows.iter().filter(|window| is_since(window));
-        let has_followed = since.any(|window| window.replaced.split(',').any(|of| of == what || of == "unit"));
-        let begun_ns = self.period_ns.map(|[first, _]| first);
-        let has_begun = begun_ns.is_some_and(|begun_ns| (event.t_ns..=now_ns).contains(&begun_ns));
-        has_followed || has_begun
-    }
-
-    /// Notes that a part, or the unit (`None`), was replaced before this recording, which knew nothing of the one before it.
-    pub fn begin_part(&mut self, part: Option<ReplacedPart>) {
-        self.replaced.insert(part);
-        if let Some(first) = self.windows.first_mut() {
-            let what = part.map_or("unit", ReplacedPart::name);
-            first.replaced = format!("{},{what}", first.replaced);
-        }
-    }
-
-    /// Whether a replacement at this time, UTC ns, lies between this recording and a later one, whose use begins anew: neither knows of it. A
-    /// recording that begins after now has a wrong clock.
-    #[must_use]
-    pub fn is_parted_from(&self, later: &Self, replaced_ns: u64, now_ns: u64) -> bool {
-        let (Some([_, last_ns]), Some([first_ns, _])) = (self.period_ns, later.period_ns) else {
-            return false;
-        };
-        let goes_on = matches!((self.used_h, later.used_h), (Some([_, before]), Some([after, _])) if before < after);
-        last_ns < replaced_ns && replaced_ns <= first_ns && first_ns <= now_ns && !goes_on
     }
 
     /// State of each fault, in the order of [`FaultId::ALL`].
@@ -197,122 +136,18 @@ impl Newest {
     }
 
     /// Whether a new part, or unit (`None`), takes away what ends the life by that forecast; of older records without any, the unit alone.
-    #[must_use]
-    pub fn is_end_of(&self, part: Option<ReplacedPart>) -> bool {
+    fn is_end_of(&self, part: Option<ReplacedPart>) -> bool {
         self.end().map_or(part.is_none(), |end| end.is_of(part))
+    }
+
+    /// What was replaced before some window.
+    fn parts_replaced(&self) -> impl Iterator<Item = Option<ReplacedPart>> {
+        self.replacements.iter().map(|(_, part)| *part)
     }
 
     /// Whether nothing that was known of a fault before holds, as its part was replaced before some window.
     fn has_renewed(&self, fault: FaultId) -> bool {
-        self.replaced.iter().any(|part| ReplacedPart::renews(*part, fault))
-    }
-
-    /// Order of recordings that know nothing of each other: by the start of the newest window, UTC ns; those without any last.
-    #[must_use]
-    pub fn newest_ns(&self) -> u64 {
-        self.period_ns.map_or(u64::MAX, |_| self.health.t_start_ns)
-    }
-
-    /// The same; of recordings of the same windows that comes last which knows of more replacements, then the worse one.
-    #[must_use]
-    pub fn order(&self) -> (u64, usize, HealthState) {
-        let is_replaced = |fault: &FaultId| self.has_renewed(*fault);
-        let replaced = FaultId::ALL.iter().filter(|fault| is_replaced(fault)).count();
-        (self.newest_ns(), replaced, HealthState::named(&self.health.health))
-    }
-
-    /// Whether some of these recordings of one unit lie among each other in time: of several units, or of one twice.
-    pub fn overlap<'a>(recordings: impl Iterator<Item = &'a Self>) -> bool {
-        let mut periods: Vec<[u64; 2]> = recordings.filter_map(|newest| newest.period_ns).collect();
-        periods.sort_unstable();
-        periods.windows(2).any(|pair| pair[1][0] <= pair[0][1])
-    }
-
-    /// Goes on with the next segment of the same run, whose states continue those of this one.
-    pub fn continue_run(&mut self, later: Self) {
-        let states = later.states();
-        self.join(later, &states);
-    }
-
-    /// Goes on with a later recording, which knew nothing of this one: what it leaves open holds as it was known before, unless the part was
-    /// replaced. A fault at watch or worse holds until a window shows that it is less; one that was nominal is in doubt once a window has a reading
-    /// of it that does not show its state. A state by the remaining life holds until there is another forecast. Of recordings that overlap in
-    /// time, a worse state holds that this one has shown later.
-    pub fn go_on(&mut self, mut later: Self) {
-        let own = later.states();
-        let mut states = own;
-        for (fault, before) in FaultId::ALL.into_iter().zip(self.states()) {
-            let n = fault.index();
-            let holds = before >= HealthState::Watch || !later.has_reading[n];
-            if states[n] == HealthState::Unknown && holds && !later.has_renewed(fault) {
-                states[n] = before;
-            }
-            let shown = [&self.shown, &later.shown].map(|shown| shown.of(fault));
-            let is_newer = matches!(shown, [Some(here), Some(there)] if here.t_start_ns > there.t_start_ns);
-            if is_newer && before > states[n] && before >= HealthState::Watch && !later.has_renewed(fault) {
-                states[n] = before;
-                later.shown.forget(fault);
-            }
-        }
-        let by_life = self
-            .state_by_life()
-            .filter(|_| !later.has_forecast && self.keeps_end(&later));
-        let worst = states
-            .into_iter()
-            .max()
-            .unwrap_or_default()
-            .max(by_life.unwrap_or_default());
-        let is_known = !states.contains(&HealthState::Unknown);
-        let state = HealthState::named(&later.health.health);
-        let is_other = states != own || by_life.is_some();
-        if is_other && worst > state && (worst > HealthState::Nominal || is_known) {
-            worst.name().clone_into(&mut later.health.health);
-        }
-        if by_life.is_some() {
-            later.rul = self.rul.clone();
-        }
-        later.health.set_states(&states);
-        self.join(later, &states);
-    }
-
-    /// Whether nothing that was replaced later takes away what ends the life.
-    fn keeps_end(&self, later: &Self) -> bool {
-        !later.replaced.iter().any(|part| self.is_end_of(*part))
-    }
-
-    /// Takes the later records; of a fault that they leave open in a state that holds, the damage that was shown before.
-    fn join(&mut self, mut later: Self, states: &[HealthState; FaultId::COUNT]) {
-        let mut windows = std::mem::take(&mut self.windows);
-        windows.append(&mut later.windows);
-        let holds = |fault: FaultId| {
-            let n = fault.index();
-            states[n] != HealthState::Unknown && !later.has_renewed(fault)
-        };
-        let both = |a: [bool; FaultId::COUNT], b: [bool; FaultId::COUNT]| std::array::from_fn(|n| a[n] || b[n]);
-        let still_fallen = |fault: FaultId| {
-            let n = fault.index();
-            self.fallen[n] && !later.has_renewed(fault) && states[n] < HealthState::Warning
-        };
-        let end = self.end.filter(|_| !later.has_forecast && self.keeps_end(&later));
-        *self = Self {
-            fallen: FaultId::ALL.map(|fault| later.fallen[fault.index()] || still_fallen(fault)),
-            shown: later.shown.or(&self.shown, holds),
-            has_reading: both(self.has_reading, later.has_reading),
-            replaced: self.replaced.union(&later.replaced).copied().collect(),
-            has_forecast: self.has_forecast || later.has_forecast,
-            end: later.end.or(end),
-            period_ns: match (self.period_ns, later.period_ns) {
-                (Some(a), Some(b)) => Some([a[0].min(b[0]), a[1].max(b[1])]),
-                (a, b) => a.or(b),
-            },
-            windows,
-            used_h: match (self.used_h, later.used_h) {
-                (Some(a), Some(b)) => Some([a[0], b[1]]),
-                (a, b) => a.or(b),
-            },
-            health: later.health,
-            rul: later.rul,
-        };
+        self.parts_replaced().any(|part| ReplacedPart::renews(part, fault))
     }
 
     fn states_of_older(&self, health: &Health) -> [HealthState; FaultId::COUNT] {
@@ -335,7 +170,7 @@ mod tests {
     use HealthState::{Critical, Nominal, Unknown, Watch};
 
     /// A recording of one window with this state of backlash, all others the second state; `has_reading` of every fault.
-    fn recording(
+    pub(super) fn recording(
         health: HealthState,
         [backlash, others]: [HealthState; 2],
         has_reading: bool,
@@ -361,16 +196,6 @@ mod tests {
             ..Rul::default()
         });
         newest
-    }
-
-    /// Health, and state of backlash and of friction, of two recordings after each other.
-    fn joined(mut before: Newest, later: Newest) -> (String, [HealthState; 2]) {
-        before.go_on(later);
-        let states = before.states();
-        (
-            before.health.health.clone(),
-            [FaultId::Backlash, FaultId::ShortA].map(|fault| states[fault.index()]),
-        )
     }
 
     #[test]
@@ -413,55 +238,6 @@ mod tests {
             newest.go_on(of(vec![sound()], later));
             assert_eq!(has_fallen(&newest), expected, "{later}");
         }
-    }
-
-    #[test]
-    fn a_recording_in_which_nothing_was_shown_hides_nothing_that_was_known_before() {
-        let worn = || recording(Critical, [Critical, Nominal], true, "");
-        let after = |replaced: &str| joined(worn(), recording(Unknown, [Unknown; 2], false, replaced));
-        assert_eq!(after(""), ("critical".to_owned(), [Critical, Nominal]));
-        assert_eq!(after("unit"), ("unknown".to_owned(), [Unknown; 2]));
-        assert_eq!(after("gearbox"), ("unknown".to_owned(), [Unknown, Nominal]));
-        // What the later one has shown counts.
-        let shown = joined(worn(), recording(Nominal, [Nominal; 2], true, ""));
-        assert_eq!(shown, ("nominal".to_owned(), [Nominal; 2]));
-    }
-
-    #[test]
-    fn a_worse_state_that_another_recording_showed_later_holds() {
-        let at = |t_start_ns: u64, state: HealthState, replaced: &str| {
-            let mut newest = recording(state, [state, Nominal], true, replaced);
-            let mut health = newest.health.clone();
-            health.t_start_ns = t_start_ns;
-            health.set_damage([Some(0.5); FaultId::COUNT]);
-            newest.add(health);
-            newest.add_rul(Rul::default());
-            newest
-        };
-        // The later recording has shown backlash before this one did, and ended with a window that does not show it.
-        let joined = |replaced: &str| {
-            let mut later = at(5, Nominal, replaced);
-            let mut silent = later.health.clone();
-            silent.t_start_ns = 20;
-            silent.set_damage([None; FaultId::COUNT]);
-            later.add(silent);
-            let mut before = at(10, Critical, "");
-            before.go_on(later);
-            let shown = before.shown.of(FaultId::Backlash).map(|of| of.t_start_ns);
-            (before.health.health, shown)
-        };
-        assert_eq!(joined(""), ("critical".to_owned(), Some(10)));
-        assert_eq!(joined("gearbox"), ("nominal".to_owned(), Some(5)));
-        let of = |periods: &[[u64; 2]]| {
-            let recordings = periods.iter().map(|period| Newest {
-                period_ns: Some(*period),
-                ..Newest::default()
-            });
-            let recordings: Vec<Newest> = recordings.collect();
-            Newest::overlap(recordings.iter())
-        };
-        assert!(of(&[[20, 30], [1, 50], [60, 70]]) && of(&[[1, 2], [2, 3]]));
-        assert!(!of(&[[20, 30], [1, 5], [60, 70]]) && !of(&[]));
     }
 
     #[test]
@@ -546,52 +322,8 @@ mod tests {
     }
 
     #[test]
-    fn a_later_doubt_stays_a_doubt() {
-        let well = || recording(Nominal, [Nominal; 2], true, "");
-        let doubt = |has_reading| recording(Unknown, [Unknown, Nominal], has_reading, "");
-        assert_eq!(joined(well(), doubt(true)), ("unknown".to_owned(), [Unknown, Nominal]));
-        assert_eq!(joined(well(), doubt(false)), ("nominal".to_owned(), [Nominal; 2]));
-        // Within a run the newest record has it all.
-        let mut run = well();
-        run.continue_run(doubt(false));
-        assert_eq!(
-            (&*run.health.health, run.states()[FaultId::Backlash.index()]),
-            ("unknown", Unknown)
-        );
-        // An alarm is not taken back by a window that does not show it.
-        let worn = recording(Critical, [Critical, Nominal], true, "");
-        assert_eq!(joined(worn, doubt(true)), ("critical".to_owned(), [Critical, Nominal]));
-    }
-
-    #[test]
-    fn a_state_by_the_remaining_life_holds_until_there_is_another_forecast() {
-        let with = |dominant: &str, p10: Option<f64>, replaced: &str| Rul {
-            dominant_fault: dominant.to_owned(),
-            rul_p10_h: p10,
-            replaced: replaced.to_owned(),
-            ..Rul::default()
-        };
-        let after = |rul: Rul| {
-            let mut before = recording(Critical, [Watch, Nominal], true, "");
-            before.add_rul(with("backlash", Some(200.0), ""));
-            assert_eq!(before.state_by_life(), Some(Critical));
-            let mut later = recording(Watch, [Watch, Nominal], true, "");
-            later.add_rul(rul);
-            before.go_on(later);
-            (before.health.health, before.rul.rul_p10_h)
-        };
-        assert_eq!(after(Rul::default()), ("critical".to_owned(), Some(200.0)));
-        assert_eq!(after(with("", None, "motor")), ("critical".to_owned(), Some(200.0)));
-        assert_eq!(after(with("", None, "gearbox")), ("watch".to_owned(), None));
-        assert_eq!(
-            after(with("backlash", Some(900.0), "")),
-            ("watch".to_owned(), Some(900.0))
-        );
-    }
-
-    #[test]
     fn a_replaced_part_that_ended_the_life_leaves_the_hours_of_the_others() {
-        let mut newest = recording(Watch, [Watch, Watch], true, "");
+        let mut newest = recording(Critical, [Watch, Watch], true, "");
         let mut rul = Rul {
             rul_p10_h: Some(1.0),
             rul_p50_h: Some(2.0),
@@ -616,8 +348,17 @@ mod tests {
         assert_eq!((motor.failure_probability, motor.horizon_h), (Some(0.1), Some(100.0)));
         assert_eq!((&*motor.dominant_fault, &*motor.governed_by), ("gain", "damage"));
         assert_eq!((motor.short_a_p10_h, motor.backlash_p10_h), (None, Some(200.0)));
+        // A requirement is missed by all parts together: any new one takes that end away, and the state with it.
         let gearbox = of(ReplacedPart::Gearbox);
-        assert_eq!((gearbox.rul_p10_h, &*gearbox.governed_by), (Some(1.0), "stall"));
-        assert_eq!((gearbox.short_a_p10_h, gearbox.backlash_p10_h), (Some(10.0), None));
+        assert_eq!(
+            (gearbox.rul_p10_h, gearbox.failure_probability, &*gearbox.governed_by),
+            (Some(10.0), Some(0.01), "damage")
+        );
+        assert_eq!((&*gearbox.dominant_fault, gearbox.backlash_p10_h), ("short_a", None));
+        // A damage is that of its part.
+        newest.rul.governed_by = "damage".to_owned();
+        let mut gearbox = newest.clone();
+        gearbox.replace(Some(ReplacedPart::Gearbox));
+        assert_eq!((gearbox.rul.rul_p10_h, gearbox.rul.backlash_p10_h), (Some(1.0), None));
     }
 }

@@ -6,6 +6,7 @@
 mod axis;
 mod commissioning;
 mod doubt;
+mod fault_table;
 mod files;
 mod history;
 mod markup;
@@ -24,7 +25,7 @@ mod words;
 mod zone;
 
 pub use commissioning::commissioning_page;
-pub use files::{Files, ReportError};
+pub use files::{Files, RecordedLevels, ReportError};
 pub use history::{History, Point};
 pub use page::{View, page};
 pub use replacements::Maintenance;

@@ -12,15 +12,16 @@ use mcap::records::{MessageHeader, Metadata};
 use mcap::{McapError, Writer};
 
 use crate::mcap::channels::Channel;
+use crate::mcap::messages::McapMetadata;
 use crate::mcap::{McapFault, McapFrames, McapLoss, McapMessage, McapMessages};
 use crate::mcap_writer::{root_cause, write_options};
 use hmd_core::frame::BusNames;
-use hmd_core::metadata_checksum::is_sealed;
+use hmd_core::metadata_checksum::{is_sealed, seal};
 
 /// Most losses that are listed; the others are counted.
 pub const LISTED_MAX: usize = 1000;
 
-/// Name of the metadata record of a copy that lacks parts of its original: `damaged_places` and `attachments_lost`, counted.
+/// Name of the metadata record of a copy that lacks parts of its original; `losses` is their number.
 pub const RECOVERED_NAME: &str = "hmd.recovered";
 
 /// Library in the header of a copy of a file that another program wrote.
@@ -82,8 +83,8 @@ impl Recovered {
     }
 }
 
-/// Writes what is intact in `input` to `out` as a finished file with this `profile` in its header; where that is not all, with the metadata
-/// record [`RECOVERED_NAME`].
+/// Writes what is intact in `input` to `out` as a finished file with this `profile` in its header. Where something is lost, a metadata record
+/// [`RECOVERED_NAME`] says so: the copy itself is whole.
 ///
 /// # Errors
 /// [`RecoverError`]; damage of the input is none, it is in the report.
@@ -93,16 +94,14 @@ pub fn recover<R: Read + Seek, W: Write + Seek>(
     out: W,
     profile: &str,
 ) -> Result<(W, Recovered), RecoverError> {
-    let (mut copy, report) = copy_intact(input, file, out, profile, u64::MAX)?;
+    let (mut copy, report) = copied(input, file, out, profile, u64::MAX)?;
     if !report.is_intact() {
-        let counts = [
-            ("damaged_places", report.losses_total),
-            ("attachments_lost", report.attachments_lost),
-        ];
-        let content = counts.map(|(key, count)| (key.to_owned(), count.to_string()));
-        copy.metadata(RECOVERED_NAME, content.into())?;
+        let mut metadata = BTreeMap::from([("losses".to_owned(), report.losses_total.to_string())]);
+        seal(RECOVERED_NAME, &mut metadata);
+        let name = RECOVERED_NAME.to_owned();
+        copy.writer.write_metadata(&Metadata { name, metadata })?;
     }
-    Ok((copy.finish()?, report))
+    Ok((copy.finished()?, report))
 }
 
 /// The same without that record, given up when the chunks expand to more than `expanded_max` bytes.
@@ -113,11 +112,12 @@ pub(crate) fn recover_within<R: Read + Seek, W: Write + Seek>(
     profile: &str,
     expanded_max: u64,
 ) -> Result<(W, Recovered), RecoverError> {
-    let (copy, report) = copy_intact(input, file, out, profile, expanded_max)?;
-    Ok((copy.finish()?, report))
+    let (copy, report) = copied(input, file, out, profile, expanded_max)?;
+    Ok((copy.finished()?, report))
 }
 
-fn copy_intact<R: Read + Seek, W: Write + Seek>(
+/// What is intact, in a file that is not finished yet.
+fn copied<R: Read + Seek, W: Write + Seek>(
     input: R,
     file: &str,
     out: W,
@@ -147,7 +147,7 @@ fn copy_intact<R: Read + Seek, W: Write + Seek>(
     loop {
         for metadata in &messages.all_metadata()[seen..] {
             if is_sealed(&metadata.name, &metadata.content) {
-                copy.metadata(&metadata.name, metadata.content.clone())?;
+                copy.metadata(metadata)?;
                 report.metadata += 1;
             } else {
                 unsealed.push(metadata.clone());
@@ -166,7 +166,7 @@ fn copy_intact<R: Read + Seek, W: Write + Seek>(
     }
     for metadata in unsealed {
         if messages.all_verified() {
-            copy.metadata(&metadata.name, metadata.content)?;
+            copy.metadata(&metadata)?;
             report.metadata += 1;
         } else {
             report.lose(McapLoss {
@@ -214,6 +214,14 @@ struct Copy<W: Write + Seek> {
 const CHUNK_BYTES_MIN: usize = 4096;
 
 impl<W: Write + Seek> Copy<W> {
+    /// The file with its summary.
+    fn finished(mut self) -> Result<W, McapError> {
+        self.writer.finish()?;
+        let mut out = self.writer.into_inner();
+        out.flush()?;
+        Ok(out)
+    }
+
     /// Ends the chunk where the source did, unless it is very small.
     fn message(&mut self, message: &McapMessage) -> Result<(), McapError> {
         let is_new = self.chunk_at.replace(message.at_byte) != Some(message.at_byte);
@@ -248,17 +256,10 @@ impl<W: Write + Seek> Copy<W> {
         Ok(id)
     }
 
-    fn metadata(&mut self, name: &str, content: BTreeMap<String, String>) -> Result<(), McapError> {
+    fn metadata(&mut self, metadata: &McapMetadata) -> Result<(), McapError> {
         self.writer.write_metadata(&Metadata {
-            name: name.to_owned(),
-            metadata: content,
+            name: metadata.name.clone(),
+            metadata: metadata.content.clone(),
         })
-    }
-
-    fn finish(mut self) -> Result<W, McapError> {
-        self.writer.finish()?;
-        let mut out = self.writer.into_inner();
-        out.flush()?;
-        Ok(out)
     }
 }

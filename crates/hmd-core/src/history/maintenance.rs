@@ -85,6 +85,12 @@ impl ReplacedPart {
         Self::ALL.into_iter().find(|part| part.name() == name)
     }
 
+    /// What a record says was replaced before its window: parts, or the unit (`None`). Other names are left out.
+    pub fn in_text(replaced: &str) -> impl Iterator<Item = Option<Self>> {
+        let named = replaced.split(',').map(|name| (name, Self::from_name(name)));
+        named.filter_map(|(name, part)| (part.is_some() || name == "unit").then_some(part))
+    }
+
     /// The faults whose damage a new part changes. Bearings of motor and gear add to one friction.
     #[must_use]
     pub const fn faults(self) -> &'static [FaultId] {

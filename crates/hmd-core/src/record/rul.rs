@@ -196,15 +196,16 @@ impl Rul {
         ]
     }
 
-    /// Forgets what is left to faults whose part was replaced since. Where one of them ended the life first, the earliest end of the others does.
-    pub(crate) fn forget(&mut self, is_new: impl Fn(FaultId) -> bool) {
+    /// Forgets what is left to faults whose part was replaced since. Where that took away what ends the life (`is_end_new`), the earliest end of the
+    /// others does.
+    pub(crate) fn forget(&mut self, is_new: impl Fn(FaultId) -> bool, is_end_new: bool) {
         let (hours, probabilities) = (self.faults(), self.probabilities());
         let left = FaultId::ALL.map(|fault| {
             let hours = hours[fault.index()].filter(|_| !is_new(fault))?;
             Some((hours, probabilities[fault.index()].unwrap_or(f64::NAN)))
         });
         self.set_faults(left);
-        if !FaultId::from_name(&self.dominant_fault).is_some_and(&is_new) {
+        if !is_end_new {
             return;
         }
         let ends = FaultId::ALL.into_iter().zip(left);

@@ -94,15 +94,14 @@ pub(super) fn continuous_hours(history: &History) -> Vec<f64> {
 pub(super) fn marks_before(history: &History, n: usize) -> Vec<Mark> {
     let [before, after] = [&history.points[n - 1], &history.points[n]];
     let began_again = matches!((before.used_h, after.used_h), (Some(before), Some(after)) if after < before);
-    let replaced = || after.replaced.split(',');
-    if replaced().any(|what| what == "unit") {
+    if after.replaced.contains(&None) {
         return vec![Mark::Unit];
     }
     let begun = match began_again {
         true => Some(Mark::Reset),
         false => (after.window <= before.window).then_some(Mark::Restart),
     };
-    let parts = replaced().filter_map(ReplacedPart::from_name).map(Mark::Replaced);
+    let parts = after.replaced.iter().flatten().copied().map(Mark::Replaced);
     begun.into_iter().chain(parts).collect()
 }
 
@@ -141,9 +140,10 @@ mod tests {
     #[test]
     fn replaced_parts_are_marks_and_a_replaced_unit_is_a_reset() {
         let mut history = history(&[(0, 1.0), (1, 2.0), (2, 3.0)]);
-        history.points[1].replaced = "motor,gearbox".to_owned();
-        history.points[2].replaced = "unit".to_owned();
-        let [motor, gearbox] = [ReplacedPart::Motor, ReplacedPart::Gearbox].map(Mark::Replaced);
+        let parts = [ReplacedPart::Motor, ReplacedPart::Gearbox];
+        history.points[1].replaced = parts.map(Some).to_vec();
+        history.points[2].replaced = vec![None];
+        let [motor, gearbox] = parts.map(Mark::Replaced);
         let axis = UseAxis::new(&history);
         assert_eq!(axis.marks, [(1, motor), (1, gearbox), (2, Mark::Unit)]);
         assert_eq!(axis.places, [1.0, 2.0, 3.0], "use goes on");

@@ -3,7 +3,6 @@
 use ema_models::FaultId;
 use hmd_core::health::HealthState;
 
-use super::axis::{Mark, marks_before};
 use super::history::{History, Point};
 
 /// Whether a window has shown a fault that is not known now and not in doubt: its part was replaced then.
@@ -18,12 +17,6 @@ pub(super) fn in_doubt(history: &History, fault: FaultId) -> Option<&Point> {
     let is_open = |point: &Point| point.states[fault.index()] == HealthState::Unknown;
     let first = history.points.iter().rposition(|point| !is_open(point))? + 1;
     let doubts = history.points.get(first)?;
-    let is_anew = |n: usize| {
-        marks_before(history, n).into_iter().any(|mark| match mark {
-            Mark::Unit => true,
-            Mark::Replaced(part) => part.faults().contains(&fault),
-            Mark::Reset | Mark::Restart => false,
-        })
-    };
-    (!(first..history.points.len()).any(is_anew)).then_some(doubts)
+    let is_anew = history.points[first..].iter().any(|point| point.renews(fault));
+    (!is_anew).then_some(doubts)
 }

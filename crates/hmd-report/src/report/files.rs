@@ -6,12 +6,13 @@ use std::path::Path;
 
 use prost::Message;
 
-use super::history::{History, Replacement, hours_of_all, is_elapsed, requirement};
+use super::history::{History, hours_of_all, is_elapsed, requirement};
 use super::replacements::{Maintenance, SERIAL};
 use super::units::{Part, by_unit};
 use ema_models::FaultId;
 use hmd_core::config::Config;
 use hmd_core::health::Levels;
+use hmd_core::history::ReplacedPart;
 use hmd_core::levels_text::levels_from_text;
 use hmd_core::record::{Health, Log, Record, Rul, Sensors, Status, Window};
 use hmd_ingest::file::open_recorded;
@@ -60,8 +61,23 @@ pub struct Source {
     pub metadata: BTreeMap<String, String>,
     /// Counts at its end.
     pub status: Status,
-    /// Parts of the file are damaged, or were in the one that it is a copy of.
+    /// Parts of the file were damaged, or of the one that it was recovered from.
     pub damaged: bool,
+    /// Start of its newest window, UTC ns; 0 without any.
+    pub newest_ns: u64,
+}
+
+/// Levels that windows were assessed by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RecordedLevels {
+    /// Damage levels of the faults, in the order of [`FaultId::ALL`].
+    pub levels: [Levels; FaultId::COUNT],
+    /// `rul.critical_h`: an actuator is critical whose 10 % quantile of the hours left is below this.
+    pub critical_h: f64,
+    /// Whether some file says others.
+    pub differ: bool,
+    /// Whether every file says its own.
+    pub are_said_by_all: bool,
 }
 
 /// What some files say: of each actuator, of themselves, and events.
@@ -139,7 +155,8 @@ impl Files {
                 }
             }
             files.nothing.note(&messages);
-            source.damaged |= messages.metadata(RECOVERED_NAME).is_some();
+            // A copy of what was intact is whole itself.
+            source.damaged |= !matches!(messages.verified_metadata(RECOVERED_NAME), Ok(None));
             match messages.verified_metadata(METADATA_NAME) {
                 Ok(metadata) => source.metadata = metadata.cloned().unwrap_or_default(),
                 Err(loss) => {
@@ -148,6 +165,8 @@ impl Files {
                 }
             }
             // Of this file alone so far.
+            let periods = files.actuators.values().filter_map(History::period_ns);
+            source.newest_ns = periods.map(|[_, last]| last).max().unwrap_or(0);
             for (name, mut history) in std::mem::take(&mut files.actuators) {
                 let number = |key: &str| source.metadata.get(&format!("{name}.{key}")).cloned();
                 let serial = number("serial_number");
@@ -165,28 +184,7 @@ impl Files {
             files.sources.push(source);
         }
         files.actuators = by_unit(parts, maintenance);
-        files.note_replacements(maintenance);
         Ok(files)
-    }
-
-    /// Takes over what was replaced after the newest window, and what no window knows of.
-    fn note_replacements(&mut self, maintenance: &Maintenance<'_>) {
-        for (name, history) in &mut self.actuators {
-            for event in maintenance.replacements_of(name) {
-                let list = match history.newest.is_before(event.t_ns) {
-                    true => &mut history.replaced_since,
-                    false if history.newest.knows(event, maintenance.now_ns) => continue,
-                    false => &mut history.entered_since,
-                };
-                // The newest of each part.
-                list.retain(|known| known.part != event.part);
-                list.push(Replacement {
-                    part: event.part,
-                    t_ns: event.t_ns,
-                    note: event.note.clone().unwrap_or_default(),
-                });
-            }
-        }
     }
 
     /// Whether some file was recorded with another configuration than this one.
@@ -200,20 +198,25 @@ impl Files {
         hashes.any(|found| *found != hash)
     }
 
-    /// The levels of the faults and `rul.critical_h` that the files were recorded with; `None` where one does not say them, or they differ.
+    /// The levels that the newest of the files that say theirs was recorded with; `None` where no file does.
     #[must_use]
-    pub fn recorded_levels(&self) -> Option<([Levels; FaultId::COUNT], f64)> {
+    pub fn recorded_levels(&self) -> Option<RecordedLevels> {
         let of = |source: &Source| {
             let levels = levels_from_text(source.metadata.get("levels")?)?;
             let critical_h = source.metadata.get("critical_h")?.parse::<f64>().ok()?;
-            critical_h.is_finite().then_some((levels, critical_h))
+            critical_h
+                .is_finite()
+                .then_some((source.newest_ns, (levels, critical_h)))
         };
-        let (first, others) = self.sources.split_first()?;
-        let recorded = of(first)?;
-        others
-            .iter()
-            .all(|source| of(source) == Some(recorded))
-            .then_some(recorded)
+        let said: Vec<_> = self.sources.iter().map(of).collect();
+        let of_newest = said.iter().flatten().max_by_key(|(newest_ns, _)| *newest_ns)?.1;
+        let (levels, critical_h) = of_newest;
+        Some(RecordedLevels {
+            levels,
+            critical_h,
+            differ: said.iter().flatten().any(|(_, others)| *others != of_newest),
+            are_said_by_all: said.iter().all(Option::is_some),
+        })
     }
 
     /// All actuators by name, or the one of this name.
@@ -271,7 +274,7 @@ impl Files {
         let history = self.entry(&rul.actuator);
         if let Some(point) = history.points.last_mut().filter(|point| point.window == rul.window) {
             point.used_h = rul.operating_h;
-            point.replaced.clone_from(&rul.replaced);
+            point.replaced = ReplacedPart::in_text(&rul.replaced).collect();
             point.left_h = hours_of_all(&rul);
             point.is_elapsed = is_elapsed(&rul);
             let has_forecast = point.left_h.is_some() && requirement(&rul).is_none();
@@ -284,112 +287,23 @@ impl Files {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hmd_core::history::{Event, EventKind, Events, ReplacedPart};
     use hmd_core::levels_text::levels_text;
 
-    fn reset(t_ns: u64, note: &str) -> Event {
-        Event {
-            t_ns,
-            actuator: "left".to_owned(),
-            event: EventKind::Reset,
-            part: Some(ReplacedPart::Gearbox),
-            note: Some(note.to_owned()),
-        }
-    }
-
     #[test]
-    fn a_replacement_is_of_the_unit_with_the_serial_number_of_the_configuration() {
-        let replaced = |serial: &str, events: Vec<Event>| {
-            let mut files = Files::default();
-            for name in ["left, serial 1", "left, serial 2", "lefty"] {
-                files.health(Health {
-                    actuator: name.to_owned(),
-                    t_start_ns: 5,
-                    ..Health::default()
-                });
-            }
-            let config = format!("[[actuator]]\nid = 0\nname = \"left\"\n{serial}");
-            let config = Config::from_toml_str(&config, "test").unwrap();
-            let events = Events {
-                list: events,
-                ..Events::default()
-            };
-            files.note_replacements(&Maintenance {
-                events: &events,
-                config: &config,
-                now_ns: 10,
-            });
-            let notes = |history: &History| {
-                let notes = history.replaced_since.iter().map(|of| of.note.clone());
-                notes.collect::<Vec<_>>().join(",")
-            };
-            files.actuators.values().map(notes).collect::<Vec<_>>()
-        };
-        let once = || vec![reset(6, "a")];
-        assert_eq!(replaced("serial_number = \"2\"", once()), ["", "a", ""]);
-        assert_eq!(replaced("", once()), ["a", "a", ""]);
-        // The newest of two counts, none that is to come, and none before the newest window.
-        let several = vec![reset(4, "old"), reset(6, "a"), reset(8, "b"), reset(11, "later")];
-        assert_eq!(replaced("", several), ["b", "b", ""]);
-    }
-
-    #[test]
-    fn a_replacement_that_no_window_knows_of_is_told() {
-        let entered = |points: &[(u64, f64, &str)], now_ns: u64| {
-            let mut files = Files::default();
-            for &(t_start_ns, used_h, replaced) in points {
-                files.health(Health {
-                    actuator: "left".to_owned(),
-                    t_start_ns,
-                    ..Health::default()
-                });
-                files.rul(Rul {
-                    actuator: "left".to_owned(),
-                    operating_h: Some(used_h),
-                    replaced: replaced.to_owned(),
-                    ..Rul::default()
-                });
-            }
-            let config = Config::from_toml_str("[[actuator]]\nid = 0\nname = \"left\"\n", "test").unwrap();
-            let events = Events {
-                list: vec![reset(6, "a")],
-                ..Events::default()
-            };
-            files.note_replacements(&Maintenance {
-                events: &events,
-                config: &config,
-                now_ns,
-            });
-            let history = &files.actuators["left"];
-            (history.replaced_since.len(), history.entered_since.len())
-        };
-        assert_eq!(entered(&[(5, 1.0, ""), (7, 2.0, "")], 10), (0, 1));
-        // The windows went on after it, or began after it.
-        assert_eq!(entered(&[(5, 1.0, ""), (7, 2.0, "gearbox"), (8, 3.0, "")], 10), (0, 0));
-        assert_eq!(
-            entered(&[(5, 1.0, ""), (7, 2.0, "motor"), (8, 3.0, "unit")], 10),
-            (0, 0)
-        );
-        assert_eq!(entered(&[(7, 1.0, ""), (8, 2.0, "")], 10), (0, 0));
-        // Windows from a clock ahead of now.
-        assert_eq!(entered(&[(17, 1.0, ""), (18, 2.0, "")], 10), (0, 1));
-        assert_eq!(entered(&[(5, 1.0, "")], 10), (1, 0));
-    }
-
-    #[test]
-    fn the_levels_of_the_files_are_those_that_all_of_them_say() {
+    fn the_levels_are_those_of_the_newest_file_that_says_them() {
         let low = Levels {
             critical: 0.4,
             ..Levels::default()
         };
         let levels = [low; FaultId::COUNT];
-        let recorded = |said: &[Option<f64>]| {
-            let source = |critical_h: &Option<f64>| {
+        let recorded = |said: &[(u64, Option<f64>)]| {
+            let source = |&(newest_ns, critical_h): &(u64, Option<f64>)| {
                 let said =
                     critical_h.map(|hours| [("levels", levels_text(&levels)), ("critical_h", hours.to_string())]);
                 let metadata = said.into_iter().flatten().map(|(key, text)| (key.to_owned(), text));
                 Source {
                     metadata: metadata.collect(),
+                    newest_ns,
                     ..Source::default()
                 }
             };
@@ -397,16 +311,17 @@ mod tests {
                 sources: said.iter().map(source).collect(),
                 ..Files::default()
             };
-            files.recorded_levels()
+            let found = files.recorded_levels();
+            assert!(found.is_none_or(|found| found.levels == levels));
+            found.map(|found| (found.critical_h.to_string(), found.differ, found.are_said_by_all))
         };
-        assert_eq!(recorded(&[Some(50.0); 2]), Some((levels, 50.0)));
-        for said in [
-            &[][..],
-            &[None],
-            &[Some(50.0), None],
-            &[Some(50.0), Some(0.0)],
-            &[Some(f64::NAN)],
-        ] {
+        let found = |hours: &str, differ: bool, by_all: bool| Some((hours.to_owned(), differ, by_all));
+        assert_eq!(recorded(&[(1, Some(50.0)), (2, Some(50.0))]), found("50", false, true));
+        assert_eq!(recorded(&[(1, Some(50.0)), (2, None)]), found("50", false, false));
+        // In any order of files.
+        assert_eq!(recorded(&[(1, Some(50.0)), (2, Some(0.0))]), found("0", true, true));
+        assert_eq!(recorded(&[(2, Some(0.0)), (1, Some(50.0))]), found("0", true, true));
+        for said in [&[][..], &[(1, None)], &[(1, Some(f64::NAN))]] {
             assert_eq!(recorded(said), None, "{said:?}");
         }
     }

@@ -28,8 +28,8 @@ pub struct Point {
     pub used_h: Option<f64>,
     /// Hours left: 10, 50 and 90 % quantile.
     pub left_h: Option<[f64; 3]>,
-    /// What was replaced before it: `unit`, or parts, joined by commas.
-    pub replaced: String,
+    /// Parts, or the unit (`None`), that were replaced before it.
+    pub replaced: Vec<Option<ReplacedPart>>,
     /// Names of the faults that it reported.
     pub faults: Vec<String>,
     /// Whether it suspects a sensor, a wire or a number.
@@ -43,7 +43,14 @@ pub struct Point {
     /// Whether its hours pass without use, too.
     pub is_elapsed: bool,
     /// Whether it is the first of a recording that knew nothing of the one before.
-    pub begins: bool,
+    pub begins_recording: bool,
+}
+
+impl Point {
+    /// Whether the unit, or the part of a fault, was replaced before it.
+    pub(super) fn renews(&self, fault: FaultId) -> bool {
+        self.replaced.iter().any(|part| ReplacedPart::renews(*part, fault))
+    }
 }
 
 /// What is known of one actuator.
@@ -135,6 +142,20 @@ impl History {
         self.newest.states()
     }
 
+    /// The newest records without what is not known any more as its part was replaced since.
+    pub(super) fn newest_left(&self) -> Newest {
+        let mut newest = self.newest.clone();
+        let since = self.replaced_since.iter();
+        since.for_each(|replacement| newest.replace(replacement.part));
+        newest
+    }
+
+    /// Whether nothing is known of a fault as its part was replaced after the newest window.
+    pub(super) fn is_replaced_since(&self, fault: FaultId) -> bool {
+        let mut since = self.replaced_since.iter();
+        since.any(|replacement| ReplacedPart::renews(replacement.part, fault))
+    }
+
     /// Takes the next window of the same file.
     pub(super) fn add(&mut self, health: Health) {
         for reason in health.reason.split("; ").filter(|reason| !reason.is_empty()) {
@@ -151,56 +172,39 @@ impl History {
             residual_rms_a: health.residual_rms_a,
             used_h: None,
             left_h: None,
-            replaced: String::new(),
+            replaced: Vec::new(),
             faults: health.fault_list.clone(),
             is_suspected: !health.suspects.is_empty(),
             states: self.newest.states(),
             reason: health.reason.clone(),
             ends_first: None,
             is_elapsed: false,
-            begins: false,
+            begins_recording: false,
         });
     }
 
-    /// Notes that these windows are of another unit than those before.
-    pub(super) fn begin_unit(&mut self) {
-        self.newest.begin_unit();
-        if let Some(first) = self.points.first_mut() {
-            "unit".clone_into(&mut first.replaced);
-        }
-    }
-
-    /// Notes that a part, or the unit (`None`), was replaced before these windows, which do not know of it.
-    pub(super) fn begin_part(&mut self, part: Option<ReplacedPart>) {
-        self.newest.begin_part(part);
-        let Some(first) = self.points.first_mut().filter(|first| !names(&first.replaced, part)) else {
-            return;
-        };
-        match part {
-            None => "unit".clone_into(&mut first.replaced),
-            Some(part) if first.replaced.is_empty() => part.name().clone_into(&mut first.replaced),
-            Some(part) => first.replaced += &format!(",{}", part.name()),
+    /// Marks that a part, or the unit (`None`), was replaced before these windows, which do not know of it.
+    pub(super) fn mark_replaced(&mut self, part: Option<ReplacedPart>) {
+        let first = self.points.first_mut();
+        if let Some(first) = first.filter(|first| !first.replaced.contains(&part)) {
+            first.replaced.push(part);
         }
     }
 
     /// Goes on with the next segment of the same run.
-    pub(super) fn continue_run(&mut self, later: Self) {
-        self.join(later, Newest::continue_run);
-    }
-
-    /// Goes on with what a later recording says of the same actuator ([`Newest::go_on`]).
-    pub(super) fn go_on(&mut self, mut later: Self) {
-        if let Some(first) = later.points.first_mut() {
-            first.begins = true;
+    pub(super) fn continue_run(&mut self, mut later: Self) {
+        if !later.points.is_empty() {
+            self.newest.continue_run(std::mem::take(&mut later.newest));
         }
-        self.join(later, Newest::go_on);
+        self.append(later);
     }
 
-    fn join(&mut self, later: Self, join_newest: impl FnOnce(&mut Newest, Newest)) {
+    /// Adds what a later recording of the same actuator says, besides its newest records.
+    pub(super) fn append(&mut self, later: Self) {
         let Self {
             actuator: _,
             points,
-            newest,
+            newest: _,
             identity,
             fitted,
             samples,
@@ -211,9 +215,6 @@ impl History {
             overlaps: _,
             clock_doubts: _,
         } = later;
-        if !points.is_empty() {
-            join_newest(&mut self.newest, newest);
-        }
         self.points.extend(points);
         if !identity.is_empty() {
             self.identity = identity;
@@ -239,7 +240,7 @@ impl History {
             .filter(|fault| self.newest.fallen[fault.index()]);
         fallen.any(|fault| {
             let mut since = self.replaced_since.iter().chain(&self.entered_since);
-            let is_entered = since.any(|replacement| replaces(replacement.part, fault));
+            let is_entered = since.any(|replacement| ReplacedPart::renews(replacement.part, fault));
             !is_entered && !self.is_repaired(fault)
         })
     }
@@ -254,30 +255,15 @@ impl History {
             |point: &&Point| point.t_start_ns < fell_ns && point.states[fault.index()] >= HealthState::Warning;
         let worn = self.points.iter().filter(was_worn).map(|point| point.t_start_ns);
         let worn_ns = worn.max().unwrap_or(0);
-        let is_repair = |point: &Point| {
-            let parts = point.replaced.split(',').filter(|what| !what.is_empty());
-            let mut replaced = parts.map(ReplacedPart::from_name);
-            (worn_ns + 1..=fell_ns).contains(&point.t_start_ns) && replaced.any(|part| replaces(part, fault))
-        };
+        let is_repair = |point: &Point| (worn_ns + 1..=fell_ns).contains(&point.t_start_ns) && point.renews(fault);
         self.points.iter().any(is_repair)
     }
-}
-
-/// Whether a new part, or a new unit (`None`), is another one for this fault.
-fn replaces(part: Option<ReplacedPart>, fault: FaultId) -> bool {
-    part.is_none_or(|part| part.faults().contains(&fault))
 }
 
 /// Whether the reason of a window says that the damage of this fault fell.
 fn names_fallen(reason: &str, fault: FaultId) -> bool {
     let mut reasons = reason.split("; ").filter(|reason| reason.starts_with(FELL));
     reasons.any(|reason| reason.contains(&format!("{} ", fault.name())))
-}
-
-/// Whether what a window says was replaced before it names this part, or the unit (`None`).
-fn names(replaced: &str, part: Option<ReplacedPart>) -> bool {
-    let what = part.map_or("unit", ReplacedPart::name);
-    replaced.split(',').any(|of| of == what || of == "unit")
 }
 
 /// The requirement of the specification that ends the life, in words; `None` where a damage does, or nothing is predicted.

@@ -5,6 +5,7 @@ use std::fmt::Write;
 use ema_models::FaultId;
 use hmd_core::health::Levels;
 
+use super::fault_table::faults;
 use super::files::Files;
 use super::history::History;
 use super::markup::document;
@@ -15,7 +16,7 @@ use super::recommendation::recommendation;
 use super::rules::Rules;
 use super::sections::{damages, fit, legend, remaining, residuals, timeline};
 use super::sources::{events, sources};
-use super::summary::{faults, headline, period};
+use super::summary::{headline, period};
 use super::zone::Zone;
 
 /// How a page is shown.
@@ -28,7 +29,7 @@ pub struct View {
     /// An actuator is critical whose 10 % quantile of the hours left is below this; 0: never.
     pub critical_h: f64,
     /// Whether the windows were assessed by these levels, as far as is known.
-    pub are_known: bool,
+    pub are_levels_of_windows: bool,
     /// A sentence about these levels, where they may be others than those of the recordings.
     pub notice: Option<String>,
 }
@@ -36,7 +37,7 @@ pub struct View {
 /// The report of these actuators of the files as one HTML file.
 #[must_use]
 pub fn page(files: &Files, histories: &[&History], view: &View) -> String {
-    let rules = Rules::new(&view.levels, view.critical_h, view.are_known);
+    let rules = Rules::new(&view.levels, view.critical_h, view.are_levels_of_windows);
     let title = match histories {
         [history] => format!("Health report of {}", escaped(&history.actuator)),
         _ => format!("Health report of {} actuators", histories.len()),
@@ -139,7 +140,7 @@ mod tests {
             zone: Zone::utc(),
             levels: [Levels::default(); FaultId::COUNT],
             critical_h: 0.0,
-            are_known: true,
+            are_levels_of_windows: true,
             notice: None,
         }
     }

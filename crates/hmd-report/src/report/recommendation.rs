@@ -1,5 +1,6 @@
 //! One recommendation per actuator: which parts, what to do, until when, since when. Overview and page print the same one.
 
+mod awaited;
 mod checks;
 mod friction;
 mod left;
@@ -13,11 +14,11 @@ use hmd_core::history::ReplacedPart;
 use super::history::{History, Replacement, Unassessed, hours_of_all};
 use super::rules::Rules;
 use super::zone::Zone;
+use awaited::awaited;
 pub(super) use checks::drifting;
 use checks::{checks, is_before_next_use};
 pub(super) use friction::friction_replaced;
 use left::Left;
-pub(super) use left::clears;
 use maintenance::{at_once, maintenance};
 use since::{since, suspected_since};
 
@@ -80,6 +81,7 @@ pub(super) fn recommendation(history: &History, rules: &Rules, zone: &Zone) -> R
     });
     let entered = entered(&history.entered_since, zone);
     let at_once = at_once(&left);
+    let awaited = awaited(history, &left, rules);
     let action = match left.state {
         HealthState::Watch | HealthState::Warning | HealthState::Critical => maintenance(history, &left, rules, zone),
         _ if !replaced.is_empty() || !at_once.is_empty() => String::new(),
@@ -89,11 +91,19 @@ pub(super) fn recommendation(history: &History, rules: &Rules, zone: &Zone) -> R
         HealthState::Unknown if !checks.is_empty() => "Nothing is known yet.".to_owned(),
         HealthState::Unknown if health.reason.is_empty() => "Nothing is known yet: no window was assessed.".to_owned(),
         HealthState::Unknown => format!("Nothing is known yet: {}.", health.reason),
-        HealthState::Nominal if !checks.is_empty() => String::new(),
+        HealthState::Nominal if !checks.is_empty() || !awaited.is_empty() => String::new(),
         HealthState::Nominal if unassessed.is_some() => "Nothing before the next actuation.".to_owned(),
         HealthState::Nominal => "No action.".to_owned(),
     };
-    let sentences = [&action, &at_once, &replaced, &friction_left, &entered, &checks];
+    let sentences = [
+        &action,
+        &at_once,
+        &replaced,
+        &friction_left,
+        &entered,
+        &awaited,
+        &checks,
+    ];
     let since_ns = since(history, &left);
     let faults = left.reported.clone();
     Recommendation {
@@ -106,7 +116,7 @@ pub(super) fn recommendation(history: &History, rules: &Rules, zone: &Zone) -> R
             .join(" "),
         hours_left: match left.hours {
             Some(hours) => Ok(hours),
-            None if left.is_first_end_replaced && hours_of_all(rul).is_some() => Err(REPLACED.to_owned()),
+            None if hours_of_all(rul).is_some() => Err(REPLACED.to_owned()),
             None if rul.reason.is_empty() => Err("none was recorded".to_owned()),
             None => Err(rul.reason.clone()),
         },
@@ -117,7 +127,7 @@ pub(super) fn recommendation(history: &History, rules: &Rules, zone: &Zone) -> R
         faults,
         unassessed,
         unknown,
-        has_checks: !checks.is_empty(),
+        has_checks: !checks.is_empty() || !awaited.is_empty(),
         is_before_next_use: is_before_next_use(&checks) || !at_once.is_empty() || !friction_left.is_empty(),
     }
 }

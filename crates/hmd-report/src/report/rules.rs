@@ -11,15 +11,15 @@ pub(super) struct Rules {
     /// An actuator is critical whose 10 % quantile of the hours left is below this; 0: never.
     pub(super) critical_h: f64,
     /// Whether the windows were assessed by them, as far as is known; the recordings do not say their own levels otherwise.
-    pub(super) are_known: bool,
+    pub(super) are_levels_of_windows: bool,
 }
 
 impl Rules {
-    pub(super) fn new(levels: &[Levels; FaultId::COUNT], critical_h: f64, are_known: bool) -> Self {
+    pub(super) fn new(levels: &[Levels; FaultId::COUNT], critical_h: f64, are_levels_of_windows: bool) -> Self {
         Self {
             modes: catalogue(levels).fault_modes,
             critical_h,
-            are_known,
+            are_levels_of_windows,
         }
     }
 
@@ -29,8 +29,8 @@ impl Rules {
     }
 
     /// The same, where its levels are those of the windows.
-    pub(super) fn known(&self, fault: FaultId) -> Option<&FaultMode> {
-        self.are_known.then(|| self.of(fault))
+    pub(super) fn of_windows(&self, fault: FaultId) -> Option<&FaultMode> {
+        self.are_levels_of_windows.then(|| self.of(fault))
     }
 }
 

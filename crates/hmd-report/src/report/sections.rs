@@ -10,7 +10,6 @@ use super::axis::{Mark, UseAxis};
 use super::doubt::is_shown_before;
 use super::history::{History, Point};
 use super::plot::{Axis, Plot, escaped, significant};
-use super::recommendation::clears;
 use super::zone::Zone;
 
 pub(super) const HEIGHT: f64 = 230.0;
@@ -211,7 +210,7 @@ pub(super) fn damages(history: &History, modes: &[FaultMode; FaultId::COUNT]) ->
 
 /// Damage by the newest window that shows the fault, as the table has it.
 fn newest_damage(history: &History, fault: FaultId) -> String {
-    if clears(&history.replaced_since, fault) {
+    if history.is_replaced_since(fault) {
         return "replaced".to_owned();
     }
     let Some(shown) = history.newest.shown.of(fault) else {
@@ -346,7 +345,7 @@ mod tests {
         for (n, point) in points.iter_mut().enumerate() {
             point.window = n as u64;
         }
-        points[1].replaced = "motor,gearbox".to_owned();
+        points[1].replaced = vec![Some(ReplacedPart::Motor), Some(ReplacedPart::Gearbox)];
         let history = History {
             points,
             ..History::default()

@@ -1,23 +1,20 @@
-//! What a mechanic reads first: the recommendation, and each fault with its damage.
+//! What a mechanic reads first: the recommendation.
 
 use std::fmt::Write;
 
 use ema_models::FaultId;
 use hmd_core::assess::LOCKED;
-use hmd_core::catalogue::FaultMode;
 use hmd_core::counted::counted;
 use hmd_core::health::HealthState;
-use hmd_core::record::{Rul, SensorReading, Shown};
+use hmd_core::record::{Rul, SensorReading};
 use hmd_core::sensor_health::SensorQuantity;
 
 use super::doubt::{in_doubt, is_shown_before};
+use super::fault_table::percent_of;
 use super::history::{ClockDoubt, History, Unassessed, hours_of, is_elapsed};
-use super::markup::wide_table;
 use super::plot::escaped;
-use super::recommendation::{Recommendation, clears, drifting, friction_replaced};
-use super::rules::Rules;
-use super::sections::NORMAL_95;
-use super::words::{duration, durations, hours, with_capital};
+use super::recommendation::{Recommendation, drifting};
+use super::words::{duration, durations, with_capital};
 use super::zone::Zone;
 
 /// Part and serial number, number of windows and the time they span.
@@ -134,7 +131,7 @@ fn clock_doubts(history: &History, zone: &Zone) -> Option<String> {
 /// The faults that no window has shown, and those that a window put in doubt, since when and why. What was replaced has its own sentence.
 fn not_known(advice: &Recommendation, history: &History, zone: &Zone) -> String {
     let (mut never, mut not_since, mut text) = (Vec::new(), Vec::new(), String::new());
-    let is_left = |fault: &&FaultId| !clears(&history.replaced_since, **fault);
+    let is_left = |fault: &&FaultId| !history.is_replaced_since(**fault);
     for fault in advice.unknown.iter().filter(is_left) {
         match in_doubt(history, *fault) {
             None if is_shown_before(history, *fault) => not_since.push(fault.plain_name()),
@@ -199,7 +196,7 @@ fn state_by_life(advice: &Recommendation, history: &History, zone: &Zone) -> Opt
 
 /// The forecast in one or two sentences that do not contradict the action.
 fn remaining_life(advice: &Recommendation, history: &History, zone: &Zone) -> String {
-    let rul = &history.newest.rul;
+    let rul = &history.newest_left().rul;
     let of = hours_of(rul);
     let [p10, p50, p90] = match &advice.hours_left {
         Ok(left) => durations(*left),
@@ -287,122 +284,14 @@ fn percent(probability: f64) -> String {
     }
 }
 
-/// Each fault: part, symptom, damage, level, and the hours left by it alone or why there is no number.
-pub(super) fn faults(history: &History, rules: &Rules, zone: &Zone) -> String {
-    let rul = &history.newest.rul;
-    let (states, left) = (history.states(), rul.faults());
-    let row = |fault: FaultId| {
-        let (mode, state) = (rules.of(fault), states[fault.index()]);
-        if clears(&history.replaced_since, fault) {
-            let half = friction_replaced(&history.replaced_since).filter(|_| fault == FaultId::Friction);
-            let what = half.map_or_else(|| "replaced".to_owned(), |half| format!("{} replaced", half.part));
-            let cells = [
-                fault.plain_name(),
-                mode.item,
-                &what,
-                "unknown",
-                "not yet",
-                "–",
-                mode.symptom,
-            ];
-            return cells.map(escaped).to_vec();
-        }
-        let shown = history.newest.shown.of(fault);
-        let left = left[fault.index()].map_or_else(|| without_trend(shown, rules.known(fault), state, rul), hours);
-        vec![
-            escaped(fault.plain_name()),
-            escaped(mode.item),
-            shown.map_or_else(|| "not known".to_owned(), |shown| percent_of(shown.damage)),
-            escaped(&level(shown, rules.known(fault), state)),
-            match (shown, in_doubt(history, fault)) {
-                (Some(shown), _) => zone.minute(shown.t_start_ns),
-                (None, Some(point)) => format!("in doubt since {}", zone.minute(point.t_start_ns)),
-                (None, None) if is_shown_before(history, fault) => "not since the replacement".to_owned(),
-                (None, None) => "no window shows it".to_owned(),
-            },
-            escaped(&left),
-            escaped(mode.symptom),
-        ]
-    };
-    let rows: Vec<Vec<String>> = FaultId::ALL.into_iter().map(row).collect();
-    let of = hours_of(rul);
-    wide_table(
-        &format!(
-            "Damage by the newest window that shows it. Life left: hours{of} to the end of life by this fault alone, median and \
-             80 % interval"
-        ),
-        &[
-            ("Fault", ""),
-            ("Part", ""),
-            ("Damage", "n"),
-            ("Level", ""),
-            ("Shown", ""),
-            ("Life left", ""),
-            ("Symptom", ""),
-        ],
-        &rows,
-    )
-}
-
-fn percent_of(damage: f64) -> String {
-    format!("{:.1} %", 100.0 * damage)
-}
-
-/// The level of a fault; where it is another than that of the damage, why. Without a mode the levels are not known.
-fn level(shown: Option<Shown>, mode: Option<&FaultMode>, state: HealthState) -> String {
-    let (Some(shown), Some(mode)) = (shown, mode) else {
-        return state.to_string();
-    };
-    let by_damage = level_of(shown.damage, mode);
-    if state > by_damage && by_damage >= HealthState::Nominal {
-        let level = mode.severity.iter().find(|severity| severity.class == state);
-        let level = percent_of(level.map_or(0.0, |severity| severity.damage));
-        format!("{state}: it was {level} or more, and is not surely less")
-    } else if state < by_damage && state != HealthState::Unknown {
-        match shown.sigma {
-            Some(sigma) if shown.damage < mode.significance_sigmas * sigma => {
-                format!("{state}: not certain yet, ± {}", percent_of(NORMAL_95 * sigma))
-            }
-            _ if mode.persistence_windows > 1 => {
-                format!(
-                    "{state}: {by_damage} takes {} windows in a row",
-                    mode.persistence_windows
-                )
-            }
-            _ => format!("{state}: recorded by other levels than those of this page, by which it is {by_damage}"),
-        }
-    } else {
-        state.to_string()
-    }
-}
-
-/// The level of a damage by itself.
-fn level_of(damage: f64, mode: &FaultMode) -> HealthState {
-    let reached = mode.severity.iter().rfind(|severity| damage >= severity.damage);
-    reached.map_or(HealthState::Nominal, |severity| severity.class)
-}
-
-/// Why a fault has no hours left.
-fn without_trend(shown: Option<Shown>, mode: Option<&FaultMode>, state: HealthState, rul: &Rul) -> String {
-    match shown {
-        None => "no trend: not shown".to_owned(),
-        Some(_) if state >= HealthState::Watch && !rul.reason.is_empty() => rul.reason.clone(),
-        Some(_) if state >= HealthState::Watch => {
-            "no trend: the damage does not grow, or the windows are too few".to_owned()
-        }
-        Some(shown) => match mode.map(|mode| level_of(shown.damage, mode)) {
-            None => "no trend: below the watch level, or within its uncertainty".to_owned(),
-            Some(HealthState::Nominal) => "no trend: below the watch level".to_owned(),
-            Some(_) => "no trend: the damage is within its uncertainty".to_owned(),
-        },
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::history::{Point, Replacement};
+    use super::super::recommendation::recommendation;
+    use super::super::rules::Rules;
     use super::*;
     use hmd_core::history::ReplacedPart;
+    use hmd_core::record::Health;
 
     fn advice(state: HealthState) -> Recommendation {
         Recommendation {
@@ -425,23 +314,6 @@ mod tests {
         let mut history = History::default();
         history.newest.add_rul(rul);
         history
-    }
-
-    #[test]
-    fn the_row_of_a_replaced_part_says_so() {
-        let history = History {
-            replaced_since: vec![Replacement {
-                part: Some(ReplacedPart::Gearbox),
-                t_ns: 0,
-                note: String::new(),
-            }],
-            ..History::default()
-        };
-        let table = faults(&history, &Rules::default(), &Zone::utc());
-        // Friction and backlash are of the gear, friction of the motor as well.
-        let rows = |cell: &str| table.matches(&format!(">{cell}<")).count();
-        let found = ["replaced", "gearbox replaced", "not known"].map(rows);
-        assert_eq!(found, [1, 1, 5], "{table}");
     }
 
     #[test]
@@ -578,11 +450,38 @@ mod tests {
             "<br>No window has shown: backlash.<br>In doubt since 1970-01-01 00:01 UTC: friction: too uncertain: friction."
         );
         // A new part was never shown.
-        history.points[1].replaced = "gearbox".to_owned();
+        history.points[1].replaced = vec![Some(ReplacedPart::Gearbox)];
         assert_eq!(
             of(&history),
             "<br>No window has shown: backlash.<br>No window has shown since the replacement: friction."
         );
+    }
+
+    /// The probability is that of what is left to end it.
+    #[test]
+    fn a_requirement_that_a_replaced_part_took_away_leaves_no_probability() {
+        let mut rul = Rul {
+            rul_p10_h: Some(1.0),
+            rul_p50_h: Some(2.0),
+            rul_p90_h: Some(3.0),
+            failure_probability: Some(0.9),
+            horizon_h: Some(100.0),
+            dominant_fault: "short_a".to_owned(),
+            governed_by: "stall".to_owned(),
+            ..Rul::default()
+        };
+        rul.set_faults(FaultId::ALL.map(|fault| (fault == FaultId::ShortA).then_some(([900.0, 910.0, 920.0], 0.02))));
+        let mut history = History::default();
+        history.add(Health::default());
+        history.newest.add_rul(rul);
+        history.replaced_since = vec![Replacement {
+            part: Some(ReplacedPart::Gearbox),
+            t_ns: 0,
+            note: String::new(),
+        }];
+        let advice = recommendation(&history, &Rules::default(), &Zone::utc());
+        let text = remaining_life(&advice, &history, &Zone::utc());
+        assert!(text.contains("it ends within 100 h with 2.0 % probability"), "{text}");
     }
 
     #[test]
@@ -622,29 +521,5 @@ mod tests {
         }
         let text = little_operation(&mixed);
         assert!(text.is_some_and(|text| text.contains("hold 6 min within 100 h")));
-    }
-
-    #[test]
-    fn a_level_that_a_single_window_reaches_is_not_waited_for() {
-        let rules = Rules::default();
-        let shown = Shown {
-            damage: 0.4,
-            sigma: Some(0.01),
-            t_start_ns: 0,
-        };
-        let text = level(Some(shown), rules.known(FaultId::Friction), HealthState::Watch);
-        assert_eq!(
-            text,
-            "watch: recorded by other levels than those of this page, by which it is warning"
-        );
-        // Levels that the recording does not say explain nothing.
-        let unknown = Rules {
-            are_known: false,
-            ..rules
-        };
-        let mode = unknown.known(FaultId::Friction);
-        assert_eq!(level(Some(shown), mode, HealthState::Critical), "critical");
-        let text = without_trend(Some(shown), mode, HealthState::Nominal, &Rul::default());
-        assert_eq!(text, "no trend: below the watch level, or within its uncertainty");
     }
 }

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use hmd_core::history::Event;
 use hmd_core::newest::Newest;
 
-use super::history::{ClockDoubt, History};
+use super::history::{ClockDoubt, History, Replacement};
 use super::replacements::{Maintenance, SERIAL};
 
 /// What one file says of one actuator, and the serial number that its writer's configuration had for it.
@@ -66,29 +66,52 @@ pub(super) fn by_unit(parts: Vec<Part>, maintenance: &Maintenance<'_>) -> BTreeM
 /// with the later one.
 fn joined(actuator: String, mut recordings: Vec<Part>, maintenance: &Maintenance<'_>) -> History {
     recordings.sort_by_key(|recording| recording.history.newest.order());
+    let clock_doubts = clock_doubts(&recordings, maintenance.now_ns);
+    let mut unit = None;
+    let mut newest = Vec::new();
+    for recording in &mut recordings {
+        let before = unit.clone();
+        unit = recording.serial.take().or(unit);
+        if before.is_some() && unit != before {
+            recording.history.newest.begin_part(None);
+            recording.history.mark_replaced(None);
+        }
+        newest.push(std::mem::take(&mut recording.history.newest));
+    }
     let replacements: Vec<&Event> = maintenance.replacements_of(&actuator).collect();
+    let joined = Newest::joined(newest, &replacements, maintenance.now_ns);
     let mut whole = History {
         actuator,
-        clock_doubts: clock_doubts(&recordings, maintenance.now_ns),
-        overlaps: Newest::overlap(recordings.iter().map(|recording| &recording.history.newest)),
+        newest: joined.newest,
+        replaced_since: newest_of_each(joined.since),
+        entered_since: newest_of_each(joined.entered_late),
+        overlaps: joined.overlap,
+        clock_doubts,
         ..History::default()
     };
-    let mut unit = None;
-    for mut recording in recordings {
-        let before = unit.clone();
-        unit = recording.serial.or(unit);
-        if before.is_some() && unit != before {
-            recording.history.begin_unit();
+    for (recording, parts) in recordings.into_iter().zip(joined.begin_with) {
+        let mut later = recording.history;
+        parts.into_iter().for_each(|part| later.mark_replaced(part));
+        if let Some(first) = later.points.first_mut() {
+            first.begins_recording = true;
         }
-        for event in &replacements {
-            let later = &recording.history.newest;
-            if whole.newest.is_parted_from(later, event.t_ns, maintenance.now_ns) {
-                recording.history.begin_part(event.part);
-            }
-        }
-        whole.go_on(recording.history);
+        whole.append(later);
     }
     whole
+}
+
+/// The newest replacement of each part, and of the unit.
+fn newest_of_each(events: Vec<&Event>) -> Vec<Replacement> {
+    let mut newest: Vec<Replacement> = Vec::new();
+    for event in events {
+        newest.retain(|known| known.part != event.part);
+        newest.push(Replacement {
+            part: event.part,
+            t_ns: event.t_ns,
+            note: event.note.clone().unwrap_or_default(),
+        });
+    }
+    newest
 }
 
 /// Days between two recordings from which on one of them may have had a wrong clock.
@@ -318,21 +341,18 @@ mod tests {
             let silent = recording(&[(10, Unknown, first_used_h), (11, Unknown, first_used_h + 1.0)]);
             let history = by_unit(vec![worn, silent], &maintenance).remove("left").unwrap();
             let states = history.newest.states();
-            let entered = !history.newest.knows(&events.list[0], 1_000);
+            let entered = !history.entered_since.is_empty();
             (states[0], states[1], history.points[2].replaced.clone(), entered)
         };
         let gearbox = Some(ReplacedPart::Gearbox);
-        assert_eq!(of(gearbox, 5, 0.0), (Unknown, Unknown, "gearbox".to_owned(), false));
-        assert_eq!(of(None, 5, 0.0), (Unknown, Unknown, "unit".to_owned(), false));
+        assert_eq!(of(gearbox, 5, 0.0), (Unknown, Unknown, vec![gearbox], false));
+        assert_eq!(of(None, 5, 0.0), (Unknown, Unknown, vec![None], false));
         // Another part leaves it.
         let controller = Some(ReplacedPart::Controller);
-        assert_eq!(
-            of(controller, 5, 0.0),
-            (Warning, Nominal, "controller".to_owned(), false)
-        );
+        assert_eq!(of(controller, 5, 0.0), (Warning, Nominal, vec![controller], false));
         // A history that goes on was to follow it, as was one that it lies within.
-        assert_eq!(of(gearbox, 5, 6.0), (Warning, Nominal, String::new(), true));
-        assert_eq!(of(gearbox, 11, 0.0), (Warning, Nominal, String::new(), true));
+        assert_eq!(of(gearbox, 5, 6.0), (Warning, Nominal, vec![], true));
+        assert_eq!(of(gearbox, 11, 0.0), (Warning, Nominal, vec![], true));
     }
 
     #[test]
@@ -351,6 +371,84 @@ mod tests {
             let history = by_unit(around.map(recording).into(), &none()).remove("left").unwrap();
             assert_eq!(history.identity, "by gearbox");
         }
+    }
+
+    fn reset(t_ns: u64, note: &str) -> Event {
+        Event {
+            t_ns,
+            actuator: "left".to_owned(),
+            event: EventKind::Reset,
+            part: Some(ReplacedPart::Gearbox),
+            note: Some(note.to_owned()),
+        }
+    }
+
+    /// The histories of these recordings, with these events of a configuration with this line of the actuator.
+    fn with_events(parts: Vec<Part>, line: &str, events: Vec<Event>, now_ns: u64) -> Vec<History> {
+        let config = format!("[[actuator]]\nid = 0\nname = \"left\"\n{line}");
+        let config = Config::from_toml_str(&config, "test").unwrap();
+        let events = Events {
+            list: events,
+            ..Events::default()
+        };
+        let maintenance = Maintenance {
+            events: &events,
+            config: &config,
+            now_ns,
+        };
+        by_unit(parts, &maintenance).into_values().collect()
+    }
+
+    #[test]
+    fn a_replacement_is_of_the_unit_with_the_serial_number_of_the_configuration() {
+        let replaced = |line: &str, events: Vec<Event>| {
+            let mut other = part(None, &[5]);
+            other.history.actuator = "lefty".to_owned();
+            let parts = vec![part(Some("1"), &[5]), part(Some("2"), &[5]), other];
+            let notes = |history: History| {
+                let notes = history.replaced_since.iter().map(|of| of.note.clone());
+                notes.collect::<Vec<_>>().join(",")
+            };
+            let histories = with_events(parts, line, events, 10);
+            histories.into_iter().map(notes).collect::<Vec<_>>()
+        };
+        let once = || vec![reset(6, "a")];
+        assert_eq!(replaced("serial_number = \"2\"", once()), ["", "a", ""]);
+        assert_eq!(replaced("", once()), ["a", "a", ""]);
+        // The newest of two counts, none that is to come, and none before the newest window.
+        let several = vec![reset(4, "old"), reset(6, "a"), reset(8, "b"), reset(11, "later")];
+        assert_eq!(replaced("", several), ["b", "b", ""]);
+    }
+
+    #[test]
+    fn a_replacement_that_no_window_knows_of_is_told() {
+        let entered = |points: &[(u64, f64, &str)], now_ns: u64| {
+            let mut recording = part(None, &[]);
+            for &(t_start_ns, used_h, replaced) in points {
+                recording.history.add(Health {
+                    t_start_ns,
+                    ..Health::default()
+                });
+                recording.history.newest.add_rul(Rul {
+                    operating_h: Some(used_h),
+                    replaced: replaced.to_owned(),
+                    ..Rul::default()
+                });
+            }
+            let history = with_events(vec![recording], "", vec![reset(6, "a")], now_ns).remove(0);
+            (history.replaced_since.len(), history.entered_since.len())
+        };
+        assert_eq!(entered(&[(5, 1.0, ""), (7, 2.0, "")], 10), (0, 1));
+        // The windows went on after it, or began after it.
+        assert_eq!(entered(&[(5, 1.0, ""), (7, 2.0, "gearbox"), (8, 3.0, "")], 10), (0, 0));
+        assert_eq!(
+            entered(&[(5, 1.0, ""), (7, 2.0, "motor"), (8, 3.0, "unit")], 10),
+            (0, 0)
+        );
+        assert_eq!(entered(&[(7, 1.0, ""), (8, 2.0, "")], 10), (0, 0));
+        // Windows from a clock ahead of now.
+        assert_eq!(entered(&[(17, 1.0, ""), (18, 2.0, "")], 10), (0, 1));
+        assert_eq!(entered(&[(5, 1.0, "")], 10), (1, 0));
     }
 
     #[test]

@@ -150,7 +150,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
                 |part| format!("{} replaced, its faults begin anew", part.name()),
             );
             format!(
-                "{actuator}: {what} from {minute} UTC on, with the next movement; noted in {noted}, where to delete its line before that withdraws it"
+                "{actuator}: {what} from {minute} UTC on, with the next movement; noted in {noted} (to withdraw it, delete that line before then)"
             )
         }
         EventKind::Keep => format!(

@@ -248,55 +248,48 @@ impl Printer {
         (before != number).then(|| printable(number))
     }
 
-    /// A line for each unit, with its serial number where others have the same name; the recording with the newest window has the last word.
+    /// A line for each unit, with its serial number where others have the same name in the line; the recording with the newest window has the last word.
     /// What was replaced after its newest window and until now, UTC ns, by these events is unknown.
-    fn summary_lines(&self, events: &Events, config: &Config, now_ns: u64) -> impl Iterator<Item = String> {
-        self.summaries.iter().map(move |((actuator, unit_number), runs)| {
-            let has_others = self.summaries.keys().filter(|(name, _)| name == actuator).count() > 1;
-            let serial_number = unit_number.as_deref().filter(|_| has_others);
-            let mut runs: Vec<&Newest> = runs.iter().map(|(_, newest)| newest).collect();
-            runs.sort_by_key(|newest| newest.order());
-            if Newest::overlap(runs.iter().copied()) {
-                warn(format_args!(
-                    "{}: recordings overlap in time: they are of several units, or of one twice; the newest window counts",
-                    printable(actuator)
-                ));
-            }
+    fn summary_lines(self, events: &Events, config: &Config, now_ns: u64) -> impl Iterator<Item = String> {
+        let names: Vec<String> = self.summaries.keys().map(|(name, _)| name.clone()).collect();
+        let is_one_of = move |is_same: &dyn Fn(&str) -> bool| names.iter().filter(|name| is_same(name)).count() > 1;
+        self.summaries.into_iter().map(move |((actuator, unit_number), runs)| {
+            let (actuator, sent) = (actuator.as_str(), summary::sent_name(&actuator));
+            let serial_number = unit_number.as_deref().filter(|_| is_one_of(&|name| name == actuator));
+            let sent_number = unit_number.as_deref().filter(|_| is_one_of(&|name| summary::sent_name(name) == sent));
             let is_replacement = |event: &&Event| {
                 let is_reset = event.event == EventKind::Reset && event.is_about(actuator, serial_number, config);
                 is_reset && event.t_ns <= now_ns
             };
             let replacements: Vec<&Event> = events.list.iter().filter(is_replacement).collect();
-            if runs.iter().any(|run| (now_ns.saturating_add(1)..u64::MAX).contains(&run.newest_ns())) {
+            let mut runs: Vec<Newest> = runs.into_iter().map(|(_, newest)| newest).collect();
+            runs.sort_by_key(Newest::order);
+            let is_ahead = runs.iter().any(|run| run.newest_ns() > now_ns);
+            let joined = Newest::joined(runs, &replacements, now_ns);
+            if joined.overlap {
                 warn(format_args!(
-                    "{}: windows are after the present: where a clock was wrong, they stand before newer ones",
+                    "{}: recordings overlap in time: they are of several units, or of one twice; the newest window counts",
                     printable(actuator)
                 ));
             }
-            let mut newest = Newest::default();
-            for run in runs {
-                let mut run = run.clone();
-                for event in &replacements {
-                    if newest.is_parted_from(&run, event.t_ns, now_ns) {
-                        run.begin_part(event.part);
-                    }
-                }
-                newest.go_on(run);
+            if is_ahead {
+                warn(format_args!(
+                    "{}: windows are dated after the present: where that clock was wrong, they count as the newest, and newer ones as older",
+                    printable(actuator)
+                ));
             }
-            for event in replacements {
-                if newest.is_before(event.t_ns) {
-                    newest.replace(event.part);
-                } else if !newest.knows(event, now_ns) {
-                    warn(format_args!(
-                        "{}: {} entered as replaced at {} UTC, but these windows were assessed before that: hmd replay of the logs, or the next \
-                         movement of a running hmd, takes it over",
-                        printable(actuator),
-                        event.part.map_or("actuator", ReplacedPart::name),
-                        timestamp::minute(event.t_ns)
-                    ));
-                }
+            for event in joined.entered_late {
+                warn(format_args!(
+                    "{}: {} entered as replaced at {} UTC, but these windows were assessed before that: hmd replay of the logs, or the next \
+                     movement of a running hmd, takes it over",
+                    printable(actuator),
+                    event.part.map_or("actuator", ReplacedPart::name),
+                    timestamp::minute(event.t_ns)
+                ));
             }
-            summary::summary_line(&newest, serial_number)
+            let mut newest = joined.newest;
+            joined.since.into_iter().for_each(|event| newest.replace(event.part));
+            summary::summary_line(&newest, sent_number)
         })
     }
 

@@ -7,8 +7,10 @@ use anyhow::Context;
 use super::outputs::Outputs;
 use super::recordings::{Wanted, recordings};
 use super::{Exit, Losses, Misuse, load_config, to_stderr};
+use ema_models::FaultId;
+use hmd_core::health::Levels;
 use hmd_report::pdf;
-use hmd_report::report::{Files, Maintenance, View, Zone, page};
+use hmd_report::report::{Files, Maintenance, RecordedLevels, View, Zone, page};
 use hmd_storage::clock::now_ns;
 use hmd_storage::event_file::load_events;
 use hmd_storage::output_file;
@@ -28,8 +30,7 @@ pub struct Args {
     /// Only this actuator; without it all, with an overview.
     #[arg(long, value_name = "NAME")]
     actuator: Option<String>,
-    /// Configuration whose damage levels the page shows; without one those that the files were recorded with, the defaults where they do not say
-    /// them.
+    /// Configuration whose damage levels the page shows; without one those of the newest file that says its own, the defaults where none does.
     #[arg(short, long)]
     config: Option<PathBuf>,
     /// Time zone of the page, as Europe/Berlin or UTC; without it that of this computer.
@@ -84,29 +85,17 @@ pub fn run_with(args: &Args, tell: &mut dyn FnMut(&str)) -> anyhow::Result<Exit>
         now_ns: now_ns(),
     };
     let files = Files::read(&recorded, &maintenance, &mut |loss| losses.add(loss))?;
-    // The levels of a configuration that is named, else those of the recordings, else the defaults.
-    let recorded = files.recorded_levels().filter(|_| args.config.is_none());
-    let is_other = files.has_other_configuration(&config);
-    let notice = (is_other && recorded.is_none()).then(|| {
-        let levels = args.config.as_ref().map_or_else(
-            || "the defaults (-c CONFIG has others)".to_owned(),
-            |path| format!("those of {}", path.display()),
-        );
-        format!("The levels are {levels}; the files were recorded with another configuration.")
-    });
+    let configured = Configured {
+        path: args.config.as_deref(),
+        levels: *config.health().levels(),
+        critical_h: config.rul().critical_h,
+        is_other: files.has_other_configuration(&config),
+    };
+    let view = view(zone, files.recorded_levels(), &configured);
     // The defaults were asked for by no configuration; another one may be a mistake.
-    if let Some(notice) = notice.as_ref().filter(|_| args.config.is_some()) {
+    if let Some(notice) = view.notice.as_ref().filter(|_| args.config.is_some()) {
         tell(notice);
     }
-    let are_known = recorded.is_some() || args.config.is_some() || !is_other;
-    let (levels, critical_h) = recorded.unwrap_or((*config.health().levels(), config.rul().critical_h));
-    let view = View {
-        zone,
-        levels,
-        critical_h,
-        are_known,
-        notice,
-    };
     let histories = files.actuators(args.actuator.as_deref())?;
     let text = page(&files, &histories, &view);
     output_file::write(&args.output, text).with_context(|| args.output.display().to_string())?;
@@ -116,9 +105,102 @@ pub fn run_with(args: &Args, tell: &mut dyn FnMut(&str)) -> anyhow::Result<Exit>
     Ok(losses.exit(tell))
 }
 
+/// The configuration of the command line, or the defaults.
+struct Configured<'a> {
+    /// The file, where one is named.
+    path: Option<&'a Path>,
+    levels: [Levels; FaultId::COUNT],
+    critical_h: f64,
+    /// Whether some file was recorded with another one.
+    is_other: bool,
+}
+
+/// By which levels a page is drawn: those of a configuration that is named, else those of the newest recording that says them, else the defaults;
+/// and whether the windows were assessed by them.
+fn view(zone: Zone, recorded: Option<RecordedLevels>, configured: &Configured<'_>) -> View {
+    let is_named = configured.path.is_some();
+    let (levels, critical_h) = match recorded {
+        Some(of) if !is_named => (of.levels, of.critical_h),
+        _ => (configured.levels, configured.critical_h),
+    };
+    let are_levels_of_windows = match recorded {
+        // Of a file that does not say its own, the configuration that is named does.
+        Some(of) => {
+            !of.differ && (of.levels, of.critical_h) == (levels, critical_h) && (of.are_said_by_all || is_named)
+        }
+        None => is_named || !configured.is_other,
+    };
+    let are_said_by_all = recorded.is_some_and(|of| of.are_said_by_all);
+    // A named configuration that other files may have been recorded with may be a mistake.
+    let is_doubtful = !are_levels_of_windows || (is_named && configured.is_other && !are_said_by_all);
+    let notice = is_doubtful.then(|| {
+        let page = match (configured.path, recorded) {
+            (Some(path), _) => format!("those of {}", path.display()),
+            (None, Some(_)) => "those of the newest file that says them (-c CONFIG has others)".to_owned(),
+            (None, None) => "the defaults (-c CONFIG has others)".to_owned(),
+        };
+        let files = match recorded {
+            Some(of) if is_named && !of.differ && !are_levels_of_windows => "the files were recorded with others",
+            Some(_) => "some files were recorded with others, or do not say theirs",
+            None => "the files were recorded with another configuration",
+        };
+        format!("The levels are {page}; {files}.")
+    });
+    View {
+        zone,
+        levels,
+        critical_h,
+        are_levels_of_windows,
+        notice,
+    }
+}
+
 fn zone(name: Option<&str>) -> Result<Zone, Misuse> {
     let Some(name) = name else {
         return Ok(Zone::of_this_computer());
     };
     Zone::named(name).ok_or_else(|| Misuse(format!("--zone: expected a time zone of this computer, found {name:?}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn levels_are_those_of_the_windows_only_where_no_recording_says_others() {
+        let low = Levels {
+            critical: 0.4,
+            ..Levels::default()
+        };
+        let said = |levels: Levels, differ: bool, are_said_by_all: bool| RecordedLevels {
+            levels: [levels; FaultId::COUNT],
+            critical_h: 0.0,
+            differ,
+            are_said_by_all,
+        };
+        let of = |recorded: Option<RecordedLevels>, path: Option<&str>| {
+            let configured = Configured {
+                path: path.map(Path::new),
+                levels: [Levels::default(); FaultId::COUNT],
+                critical_h: 0.0,
+                is_other: true,
+            };
+            let view = view(Zone::utc(), recorded, &configured);
+            (view.levels[0] == low, view.are_levels_of_windows, view.notice.is_some())
+        };
+        // Levels of the recording, known, notice.
+        assert_eq!(of(Some(said(low, false, true)), None), (true, true, false));
+        assert_eq!(of(Some(said(low, true, true)), None), (true, false, true));
+        assert_eq!(of(Some(said(low, false, false)), None), (true, false, true));
+        assert_eq!(of(None, None), (false, false, true));
+        // A configuration that the recordings contradict explains no level of them.
+        let named = Some("hmd.toml");
+        assert_eq!(of(Some(said(low, false, true)), named), (false, false, true));
+        let default = Levels::default();
+        // Levels that are the same are no matter for a notice, whatever else the configuration has.
+        assert_eq!(of(Some(said(default, false, true)), named), (false, true, false));
+        assert_eq!(of(Some(said(default, false, false)), named), (false, true, true));
+        assert_eq!(of(Some(said(default, true, true)), named), (false, false, true));
+        assert_eq!(of(None, named), (false, true, true));
+    }
 }

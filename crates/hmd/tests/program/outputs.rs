@@ -155,7 +155,7 @@ fn an_event_says_what_it_noted_and_refuses_what_means_nothing() {
     };
     config("raw_frames = false");
     let said = folder.done("event --reset ema3 --part gearbox -c hmd.toml --at 2026-11-20T14:00Z");
-    let noted = "from 2026-11-20 14:00 UTC on, with the next movement; noted in events.jsonl, where to delete its line before that withdraws it";
+    let noted = "from 2026-11-20 14:00 UTC on, with the next movement; noted in events.jsonl (to withdraw it, delete that line before then)";
     assert_eq!(
         said.trim(),
         format!("ema3: gearbox replaced, its faults begin anew {noted}")

@@ -444,8 +444,8 @@ fn an_event_needs_a_place_and_a_known_actuator() {
     let noted = String::from_utf8(output.stdout).expect("text");
     assert_eq!(
         noted,
-        "ema0: history reset from 2023-11-14 22:13 UTC on, with the next movement; noted in events.jsonl, \
-         where to delete its line before that withdraws it\n"
+        "ema0: history reset from 2023-11-14 22:13 UTC on, with the next movement; noted in events.jsonl \
+         (to withdraw it, delete that line before then)\n"
     );
     let lines = fs::read_to_string(folder.path("events.jsonl")).expect("the events");
     assert_eq!(

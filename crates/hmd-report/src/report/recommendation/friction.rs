@@ -4,7 +4,7 @@ use ema_models::FaultId;
 use hmd_core::health::HealthState;
 use hmd_core::history::ReplacedPart;
 
-use super::super::history::{History, Point, Replacement};
+use super::super::history::{History, Point};
 
 /// Which of the two is new.
 pub(in super::super) struct FrictionReplaced {
@@ -15,8 +15,8 @@ pub(in super::super) struct FrictionReplaced {
 }
 
 /// `None` where neither of them, both or the whole actuator was replaced.
-pub(in super::super) fn friction_replaced(replaced: &[Replacement]) -> Option<FrictionReplaced> {
-    let has = |part: Option<ReplacedPart>| replaced.iter().any(|replacement| replacement.part == part);
+pub(in super::super) fn friction_replaced(replaced: &[Option<ReplacedPart>]) -> Option<FrictionReplaced> {
+    let has = |part: Option<ReplacedPart>| replaced.contains(&part);
     let (part, left) = match [None, Some(ReplacedPart::Motor), Some(ReplacedPart::Gearbox)].map(has) {
         [false, true, false] => (ReplacedPart::Motor, "gear and screw"),
         [false, false, true] => (ReplacedPart::Gearbox, "the bearings of the motor"),
@@ -35,16 +35,10 @@ pub(super) fn friction_left(history: &History, was_critical: bool) -> Option<&'s
     let is_shown = |point: &Point| point.states[friction] != HealthState::Unknown;
     let first = history.points.iter().rposition(is_shown).map_or(0, |n| n + 1);
     let (before, since) = history.points.split_at(first);
-    let replaced: Vec<Replacement> = since
+    let replaced: Vec<Option<ReplacedPart>> = since
         .iter()
-        .flat_map(|point| point.replaced.split(',').map(move |what| (what, point.t_start_ns)))
-        .filter(|(what, _)| !what.is_empty())
-        .map(|(what, t_ns)| Replacement {
-            part: ReplacedPart::from_name(what),
-            t_ns,
-            note: String::new(),
-        })
-        .chain(history.replaced_since.iter().cloned())
+        .flat_map(|point| point.replaced.iter().copied())
+        .chain(history.replaced_since.iter().map(|replacement| replacement.part))
         .collect();
     friction_replaced(&replaced)
         .filter(|_| was_critical || was_critical_before(before))

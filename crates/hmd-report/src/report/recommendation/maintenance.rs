@@ -100,7 +100,7 @@ fn hours_until_critical(history: &History, left: &Left, fault: FaultId, rules: &
     let life = of_all.map_or(p10, |[of_all, ..]| of_all.min(p10));
     let (forecast, newest) = (forecast_ns(history), newest_ns(history));
     let until_end = life - hours_between(history, forecast, newest);
-    if !rules.are_known {
+    if !rules.are_levels_of_windows {
         return Some(until_end).filter(|hours| *hours < HOURS_TO_PLAN);
     }
     let mode = rules.of(fault);
@@ -196,7 +196,7 @@ fn sentence(
             )
         }
         (HealthState::Warning, None) => {
-            let lacking = match rules.are_known {
+            let lacking = match rules.are_levels_of_windows {
                 true => "a forecast",
                 false => "a forecast by its own levels (-c CONFIG)",
             };

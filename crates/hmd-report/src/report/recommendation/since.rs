@@ -3,7 +3,6 @@
 use ema_models::FaultId;
 use hmd_core::health::HealthState;
 
-use super::super::axis::{Mark, marks_before};
 use super::super::history::{History, Point};
 use super::checks::suspects;
 use super::left::Left;
@@ -38,7 +37,7 @@ fn of_fault(history: &History, state: HealthState, fault: FaultId) -> Option<u64
             of_point if of_point < state => break,
             _ => since = Some(point.t_start_ns),
         }
-        if n > 0 && begins_anew(history, n, Some(fault)) {
+        if point.renews(fault) {
             break;
         }
     }
@@ -66,8 +65,15 @@ fn of_health(
     let assessed = history.points.iter().rfind(|point| point.estimate.is_some());
     let is_reported = assessed.or(history.points.last()).is_some_and(reports);
     let opens = opening(history);
+    // A state by the remaining life may rest on the forecast of an earlier recording, which the windows since do not repeat.
+    let forecast_ns = Some(history.newest.rul.t_start_ns).filter(|t_ns| reported.is_none() && *t_ns != 0);
+    let predicted = history
+        .points
+        .iter()
+        .rposition(|point| Some(point.t_start_ns) == forecast_ns);
+    let end = predicted.map_or(history.points.len(), |n| n + 1);
     let mut since = None;
-    for n in (0..history.points.len()).rev() {
+    for n in (0..end).rev() {
         let point = &history.points[n];
         let was_silent = point.estimate.is_none();
         let of_point = HealthState::named(&point.health);
@@ -82,7 +88,8 @@ fn of_health(
             }
             since = Some(point.t_start_ns);
         }
-        if n > 0 && begins_anew(history, n, reported.or(ends_first)) {
+        let is_of_fault = |of: FaultId| point.renews(of);
+        if point.replaced.contains(&None) || reported.or(ends_first).is_some_and(is_of_fault) {
             break;
         }
     }
@@ -93,19 +100,10 @@ fn of_health(
 fn opening(history: &History) -> Vec<bool> {
     let mut opens = false;
     let of = |point: &Point| {
-        opens = (opens || point.begins) && HealthState::named(&point.health) == HealthState::Unknown;
+        opens = (opens || point.begins_recording) && HealthState::named(&point.health) == HealthState::Unknown;
         opens
     };
     history.points.iter().map(of).collect()
-}
-
-/// Whether the unit, or the part of the fault, was replaced before window `n`.
-fn begins_anew(history: &History, n: usize, fault: Option<FaultId>) -> bool {
-    marks_before(history, n).into_iter().any(|mark| match mark {
-        Mark::Unit => true,
-        Mark::Replaced(part) => fault.is_some_and(|fault| part.faults().contains(&fault)),
-        Mark::Reset | Mark::Restart => false,
-    })
 }
 
 /// Start of the oldest window of the newest run of windows that all suspect a sensor, UTC ns; `None` where all that the newest one suspects was

@@ -373,6 +373,31 @@ fn a_drifting_sensor_is_to_be_checked_before_any_part() {
     assert!(found.has_checks);
 }
 
+/// Recordings of one window each, where two in a row must show a level.
+#[test]
+fn a_level_that_no_recording_is_long_enough_for_is_told() {
+    let worn = [0.71, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+    let mut history = history(&["nominal"; 3], &[], worn);
+    for point in &mut history.points {
+        point.begins_recording = true;
+    }
+    let action = |history: &History, persistence: u32| {
+        let levels = Levels {
+            persistence,
+            ..Levels::default()
+        };
+        let rules = Rules::new(&[levels; FaultId::COUNT], 0.0, true);
+        recommendation(history, &rules, &Zone::utc()).action
+    };
+    let expected = "Friction counts as critical once 2 windows in a row show it, and the newest recording has 1: replay the logs as one.";
+    assert_eq!(action(&history, 2), expected);
+    assert_eq!(action(&history, 1), "No action.");
+    // One that is long enough decides by itself.
+    history.points[1].begins_recording = false;
+    history.points[2].begins_recording = false;
+    assert_eq!(action(&history, 2), "No action.");
+}
+
 #[test]
 fn a_damage_that_fell_without_a_repair_asks_for_its_record() {
     let mut history = history(&["warning", "nominal"], &[], [0.0; FaultId::COUNT]);

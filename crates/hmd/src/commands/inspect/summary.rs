@@ -8,7 +8,7 @@ use hmd_core::timestamp::compact_minute;
 /// Longest line, characters: the text of one ACARS block.
 pub(super) const LENGTH_MAX: usize = 220;
 
-/// Longest name of an actuator; a longer one is cut.
+/// Longest name of an actuator; of a longer one the middle is cut out.
 const NAME_MAX: usize = 16;
 
 /// Largest number of hours; more is printed as this.
@@ -23,7 +23,7 @@ pub(super) fn summary_line(newest: &Newest, serial_number: Option<&str>) -> Stri
     let Newest { health, rul, shown, .. } = newest;
     let mut fields = vec![
         "HMD1".to_owned(),
-        health.actuator.chars().take(NAME_MAX).collect(),
+        sent_name(&health.actuator),
         format!("W{}", health.window),
         compact_minute(health.t_start_ns),
         health.health.clone(),
@@ -59,7 +59,10 @@ pub(super) fn summary_line(newest: &Newest, serial_number: Option<&str>) -> Stri
         (Some(p10), Some(p50), Some(p90)) => {
             let [p10, p50, p90] = [p10, p50, p90].map(|hours| hours.clamp(0.0, HOURS_MAX));
             fields.push(format!("RUL {p10:.0}-{p50:.0}-{p90:.0} H"));
-            if let (Some(probability), Some(horizon)) = (rul.failure_probability, rul.horizon_h) {
+            if rul.t_start_ns != 0 && rul.t_start_ns != health.t_start_ns {
+                // The forecast of an earlier recording.
+                fields.push(format!("AS OF {}", compact_minute(rul.t_start_ns)));
+            } else if let (Some(probability), Some(horizon)) = (rul.failure_probability, rul.horizon_h) {
                 fields.push(format!("PF {probability:.2} IN {:.0} H", horizon.clamp(0.0, HOURS_MAX)));
             }
             fields.push(format!("BY {}", rul.governed_by));
@@ -68,6 +71,16 @@ pub(super) fn summary_line(newest: &Newest, serial_number: Option<&str>) -> Stri
     }
     fields.extend(serial_number.map(|number| format!("SN {}", number.chars().take(NAME_MAX).collect::<String>())));
     fields.join("/").chars().map(sent).take(LENGTH_MAX).collect()
+}
+
+/// The name of an actuator as it is sent: of one that is too long beginning and end, which tell left from right.
+pub(super) fn sent_name(actuator: &str) -> String {
+    let name: Vec<char> = actuator.chars().map(sent).collect();
+    if name.len() <= NAME_MAX {
+        return name.into_iter().collect();
+    }
+    let (first, last) = (&name[..NAME_MAX / 2 - 1], &name[name.len() - NAME_MAX / 2..]);
+    first.iter().chain(['-'].iter()).chain(last).collect()
 }
 
 /// A character that the link carries.
@@ -163,6 +176,26 @@ mod tests {
         health.set_states(&[HealthState::Unknown; FaultId::COUNT]);
         let expected = "HMD1/EMA0/W7/20231114T2213Z/UNKNOWN/ALL UNKNOWN/NO RUL";
         assert_eq!(line_of(&health, &Rul::default(), None), expected);
+    }
+
+    #[test]
+    fn long_names_keep_what_tells_them_apart() {
+        let names = ["aileron-outboard-left", "aileron-outboard-right", "flap-left-inboard"];
+        let sent = ["AILERON-ARD-LEFT", "AILERON-RD-RIGHT", "FLAP-LE--INBOARD"];
+        assert_eq!(names.map(sent_name), sent);
+        assert_eq!(sent_name("aileron-out-left"), "AILERON-OUT-LEFT");
+    }
+
+    #[test]
+    fn the_forecast_of_an_earlier_window_has_its_time() {
+        let (mut health, mut rul) = full();
+        health.t_start_ns = 1_700_000_060_000_000_000;
+        rul.t_start_ns = 1_700_000_000_000_000_000;
+        let line = line_of(&health, &rul, None);
+        assert!(line.ends_with("H/AS OF 20231114T2213Z/BY RESPONSE-TIME"), "{line}");
+        assert!(line.len() <= LENGTH_MAX, "{} characters: {line}", line.len());
+        rul.t_start_ns = health.t_start_ns;
+        assert!(!line_of(&health, &rul, None).contains("AS OF"));
     }
 
     #[test]

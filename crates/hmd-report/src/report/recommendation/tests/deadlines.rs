@@ -15,8 +15,8 @@ fn worn(p10_h: f64) -> History {
     history
 }
 
-fn by(history: &History, critical_h: f64, are_known: bool) -> String {
-    let rules = Rules::new(&[Levels::default(); FaultId::COUNT], critical_h, are_known);
+fn by(history: &History, critical_h: f64, are_levels_of_windows: bool) -> String {
+    let rules = Rules::new(&[Levels::default(); FaultId::COUNT], critical_h, are_levels_of_windows);
     recommendation(history, &rules, &Zone::utc()).action
 }
 

@@ -16,7 +16,7 @@ fn window(t_start_ns: u64, [friction, backlash, others]: [HealthState; 3], repla
         t_start_ns,
         health: worst.name().to_owned(),
         states,
-        replaced: replaced.to_owned(),
+        replaced: ReplacedPart::in_text(replaced).collect(),
         estimate: (others != Unknown).then(estimate),
         ..Point::default()
     }
@@ -69,18 +69,18 @@ fn a_critical_friction_stays_in_doubt_until_a_window_shows_it() {
 fn a_state_holds_since_its_fault_was_first_in_it_over_recordings() {
     let worn = |t_ns: u64| window(t_ns, [Warning, Nominal, Nominal], "");
     let mut begins = window(3, [Unknown; 3], "");
-    begins.begins = true;
+    begins.begins_recording = true;
     // It begins to count its use anew, and knows nothing at first.
     let mut points = vec![window(1, [Nominal; 3], ""), worn(2), begins, worn(4)];
     for (point, used_h) in points.iter_mut().zip([1.0, 2.0, 0.0, 1.0]) {
         point.used_h = Some(used_h);
     }
     assert_eq!(of(&of_windows(points.clone())).since_ns, Some(2));
-    points[2].replaced = "controller".to_owned();
+    points[2].replaced = vec![Some(ReplacedPart::Controller)];
     assert_eq!(of(&of_windows(points.clone())).since_ns, Some(2));
-    for replaced in ["gearbox", "unit"] {
-        points[2].replaced = replaced.to_owned();
-        assert_eq!(of(&of_windows(points.clone())).since_ns, Some(4), "{replaced}");
+    for replaced in [Some(ReplacedPart::Gearbox), None] {
+        points[2].replaced = vec![replaced];
+        assert_eq!(of(&of_windows(points.clone())).since_ns, Some(4), "{replaced:?}");
     }
 }
 
@@ -99,6 +99,25 @@ fn a_fault_was_critical_by_its_life_before_it_was_by_its_damage() {
     assert_eq!(of(&of_windows(points)).since_ns, Some(3));
 }
 
+/// A later recording that has no forecast is at watch by itself.
+#[test]
+fn a_state_by_a_forecast_of_before_has_its_time() {
+    let mut by_life = window(2, [Watch, Nominal, Nominal], "");
+    by_life.health = "critical".to_owned();
+    by_life.ends_first = Some(FaultId::Friction);
+    let points = vec![
+        window(1, [Watch, Nominal, Nominal], ""),
+        by_life,
+        window(3, [Watch, Nominal, Nominal], ""),
+    ];
+    let mut history = of_windows(points);
+    history.newest.health.health = "critical".to_owned();
+    let rul = &mut history.newest.rul;
+    (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) = (Some(1.0), Some(2.0), Some(3.0));
+    (rul.t_start_ns, rul.dominant_fault) = (2, "friction".to_owned());
+    assert_eq!((of(&history).state, of(&history).since_ns), (Critical, Some(2)));
+}
+
 #[test]
 fn an_actuator_stays_nominal_over_a_recording_that_knows_nothing_at_first() {
     let mut opening = window(3, [Unknown, Nominal, Nominal], "");
@@ -111,7 +130,7 @@ fn an_actuator_stays_nominal_over_a_recording_that_knows_nothing_at_first() {
     ];
     // A doubt ends it.
     assert_eq!(of(&of_windows(points.clone())).since_ns, Some(4));
-    points[2].begins = true;
+    points[2].begins_recording = true;
     assert_eq!(of(&of_windows(points)).since_ns, Some(2));
 }
 

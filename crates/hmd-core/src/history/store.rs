@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::maintenance::{Event, EventKind, Events, ReplacedPart};
 use super::clock_steps::is_set;
+use super::maintenance::{Event, EventKind, Events, ReplacedPart};
 use super::{ResumedState, RunEnd, UnitHistory};
 use crate::config::{ActuatorConfig, Config};
 use crate::counted::counted;

@@ -99,13 +99,23 @@ pub fn load_events(config: &Config) -> Result<Events, EventError> {
 /// # Errors
 /// [`EventError`].
 pub fn append(path: &Path, event: &Event) -> Result<(), EventError> {
+    append_all(path, [event])
+}
+
+/// Adds events at the end of the file in one write, and makes it in any case: its name and they are then on the disk.
+///
+/// # Errors
+/// [`EventError`].
+pub fn append_all<'a>(path: &Path, events: impl IntoIterator<Item = &'a Event>) -> Result<(), EventError> {
     read(path)?;
     let put = || {
         let is_new = !path.exists();
+        let lines = events.into_iter().map(|event| Ok(serde_json::to_string(event)? + "\n"));
+        let lines: String = lines.collect::<io::Result<_>>()?;
         let mut file = OpenOptions::new().create(true).read(true).append(true).open(path)?;
         // After a line that was never finished.
         let begin = if ends_a_line(&mut file)? { "" } else { "\n" };
-        file.write_all(format!("{begin}{}\n", serde_json::to_string(event)?).as_bytes())?;
+        file.write_all(format!("{begin}{lines}").as_bytes())?;
         file.sync_data()?;
         if is_new { sync_folder_of(path) } else { Ok(()) }
     };
@@ -130,6 +140,25 @@ fn ends_a_line(file: &mut File) -> io::Result<bool> {
 mod tests {
     use super::*;
     use hmd_core::history::EventKind;
+
+    #[test]
+    fn several_events_are_added_at_once_and_none_make_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("events.jsonl");
+        append_all(&path, []).unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"");
+        let event = |t_ns| Event {
+            t_ns,
+            actuator: "ema0".to_owned(),
+            event: EventKind::Keep,
+            part: None,
+            note: None,
+        };
+        let all: Vec<Event> = (0..100).map(event).collect();
+        append_all(&path, &all[..1]).unwrap();
+        append_all(&path, &all[1..]).unwrap();
+        assert_eq!(read(&path).unwrap().list, all);
+    }
 
     #[test]
     fn events_are_read_in_the_order_of_time_and_a_bad_line_is_reported() {

@@ -3,7 +3,6 @@
 //! Each request has one answer, whatever becomes of the run that should have given it: a file beside the captures says which have theirs.
 
 use std::collections::BTreeSet;
-use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
@@ -57,9 +56,8 @@ impl KeepRequests {
                 .collect();
             requests.known = passed.iter().map(|of| key(&of.event)).collect();
             requests.read = None;
-            if File::create_new(&requests.answered).is_ok() {
-                passed.iter().for_each(|of| requests.note_answered(of));
-            }
+            // Whatever else fails, the file says from here on that the folder has been used.
+            let _ = event_file::append_all(&requests.answered, passed.iter().map(|of| &of.event));
         }
         requests
     }
@@ -87,10 +85,11 @@ impl KeepRequests {
         .collect()
     }
 
-    /// Remembers for the next run that a request was answered. Where that cannot be written, the next one answers again.
-    pub(super) fn note_answered(&self, request: &KeepRequest) {
-        if !request.is_continued && self.answered.exists() {
-            let _ = event_file::append(&self.answered, &request.event);
+    /// Remembers for the next run that requests were answered. Where that cannot be written, the next one answers again.
+    pub(super) fn note_answered(&self, requests: &[KeepRequest]) {
+        let mut new = requests.iter().filter(|request| !request.is_continued).peekable();
+        if new.peek().is_some() && self.answered.exists() {
+            let _ = event_file::append_all(&self.answered, new.map(|request| &request.event));
         }
     }
 }
@@ -124,7 +123,7 @@ mod tests {
     /// Times of the requests, and which of them go on, all of them answered.
     fn answered(requests: &mut KeepRequests) -> Vec<(u64, bool)> {
         let new = requests.take_new();
-        new.iter().for_each(|request| requests.note_answered(request));
+        requests.note_answered(&new);
         new.into_iter().map(|of| (of.event.t_ns, of.is_continued)).collect()
     }
 

@@ -404,7 +404,8 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
         if shared.capture.is_none() {
             return Ok(());
         }
-        for request in self.keep_requests.take_new() {
+        let requests = self.keep_requests.take_new();
+        for request in &requests {
             let event = &request.event;
             let asked = format!("{}: asked for by hmd event --keep", event.actuator);
             let why = event
@@ -430,8 +431,8 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
             };
             let message = format!("{message}{rest}");
             publish(&Notice { stamp_ns, message }, level, shared, observer)?;
-            self.keep_requests.note_answered(&request);
         }
+        self.keep_requests.note_answered(&requests);
         Ok(())
     }
 

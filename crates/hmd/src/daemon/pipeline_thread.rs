@@ -159,7 +159,7 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
     /// Tells what an end waits for.
     fn publish_ending(&self, windows: u64, shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {
         let message = format!(
-            "the run ends: {} to assess; those left after {} s are dropped",
+            "the run ends: {} to assess; those left after {} s are dropped, and the one in progress is waited for",
             counted(windows, "window", "windows"),
             ENDING_MAX.as_secs()
         );

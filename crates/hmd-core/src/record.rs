@@ -3,8 +3,7 @@
 //! Each record is one protobuf message of package `hmd.v1` on one topic; `docs/records.md` is the table for readers of
 //! the file. A value that does not exist is absent (proto3 `optional`), never NaN.
 
-mod assessed;
-mod dropped;
+mod decided;
 mod health;
 mod json;
 mod last_shown;
@@ -18,8 +17,7 @@ mod status;
 mod window;
 mod window_status;
 
-pub use assessed::{Assessed, Ended};
-pub use dropped::Dropped;
+pub use decided::{Assessed, Dropped, Ended};
 pub use health::{Estimate, Health};
 pub use json::{HealthLine, Interval};
 pub use last_shown::{LastShown, Shown};

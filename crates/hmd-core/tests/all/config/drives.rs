@@ -1,11 +1,20 @@
 //! `[actuator.drive]`: which keys each preset has, and their values.
 
+use hmd_core::drive_bus::DriveSettings;
+
 use super::{OF_DBC, read, refusal};
 
 fn drive(preset: &str, keys: &str) -> String {
     format!(
         "[[actuator]]\nid = 3\n[actuator.drive]\npreset = \"{preset}\"\n{keys}\n[type.bench]\nsensors.sample_rate_hz = 400\n"
     )
+}
+
+/// Those of the first actuator.
+fn settings(text: &str) -> DriveSettings {
+    let config = read(text);
+    let drive = config.actuators()[0].drive_bus.as_ref();
+    drive.expect("a drive").settings().clone()
 }
 
 #[test]
@@ -16,8 +25,7 @@ fn a_drive_has_the_number_of_its_actuator_unless_it_has_one_of_its_own() {
         ("vesc", "node = 254", 254),
         ("moteus", "node = 127", 127),
     ] {
-        let config = read(&drive(preset, keys));
-        let settings = config.actuators()[0].drive_bus.as_ref().unwrap().settings();
+        let settings = settings(&drive(preset, keys));
         assert_eq!((settings.preset.name(), settings.node), (preset, node));
         assert!(settings.uses_commands);
     }
@@ -32,16 +40,13 @@ fn numbers_of_a_drive_reach_it_and_impossible_ones_are_refused() {
     let keys = "motor_units_per_rev = 4096\noutput_encoder = 1\noutput_units_per_rev = -8192\nset_point = false\n\
                 current_bandwidth_hz = 700";
     let config = read(&drive("moteus", keys));
-    let settings = config.actuators()[0].drive_bus.as_ref().unwrap().settings();
+    let found = settings(&drive("moteus", keys));
     assert_eq!(
-        (settings.motor_units_per_rev, settings.output_units_per_rev),
+        (found.motor_units_per_rev, found.output_units_per_rev),
         (Some(4096.0), Some(-8192.0))
     );
-    assert_eq!(
-        (settings.output_encoder, settings.current_bandwidth_hz),
-        (Some(1), Some(700))
-    );
-    assert!(!settings.uses_commands && !config.actuators()[0].has_set_point());
+    assert_eq!((found.output_encoder, found.current_bandwidth_hz), (Some(1), Some(700)));
+    assert!(!found.uses_commands && !config.actuators()[0].has_set_point());
     for (preset, key, value, expected) in [
         ("odrive", "motor_units_per_rev", "0", "a number above 0"),
         ("odrive", "motor_units_per_rev", "-1", "a number above 0"),
@@ -71,14 +76,9 @@ fn numbers_of_a_drive_reach_it_and_impossible_ones_are_refused() {
         "damiao",
         "rated_current_a = 10\nposition_max_rad = 1\nfeedback_id = 2047",
     );
-    let damiao = read(&damiao);
-    let settings = damiao.actuators()[0].drive_bus.as_ref().unwrap().settings();
+    let found = settings(&damiao);
     assert_eq!(
-        (
-            settings.rated_current_a,
-            settings.position_max_rad,
-            settings.feedback_id
-        ),
+        (found.rated_current_a, found.position_max_rad, found.feedback_id),
         (Some(10.0), Some(1.0), Some(2047))
     );
 }

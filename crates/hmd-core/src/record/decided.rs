@@ -1,4 +1,4 @@
-//! What a live run has decided, beside its raw frames: which windows it assessed, and that it came to its end.
+//! What a live run has decided, beside its raw frames: which windows it assessed or dropped, and that it came to its end.
 
 use super::schema::message;
 
@@ -16,6 +16,20 @@ message! {
 }
 
 super::impl_record!(Assessed, |assessed| format!("/{}/assessed", assessed.actuator));
+
+message! {
+    /// An actuation that was cut out and then dropped, because newer ones waited. Replay leaves it out as well.
+    pub struct Dropped {
+        /// Actuator name, as in the topic.
+        actuator: String = 1 string;
+        /// Number of the window, assessed or not, from 0.
+        window: u64 = 2 uint64;
+        /// Start of the window, UTC ns.
+        t_start_ns: u64 = 3 uint64;
+    }
+}
+
+super::impl_record!(Dropped, |dropped| format!("/{}/dropped", dropped.actuator));
 
 message! {
     /// The end of a run that was not killed: its unit histories have the time of operation up to there.

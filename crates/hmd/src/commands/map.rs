@@ -1,14 +1,19 @@
 //! `hmd map`: what a log of measured signals holds, and a configuration to edit.
 
+mod guesses;
+mod line;
+
 use std::fmt::Write;
 use std::path::PathBuf;
 
 use anyhow::Context;
 use hmd_core::dbc::Role;
-use hmd_core::log_map::{Doubt, Quantity};
+use hmd_core::log_map::Quantity;
 use hmd_ingest::file::{Survey, SurveyedSignal, survey};
 
 use super::{Exit, say};
+use guesses::Guesses;
+use line::{line, plain, quoted};
 
 /// Look into a log of measured signals and print a configuration for it, to edit.
 #[derive(Debug, clap::Args)]
@@ -107,88 +112,6 @@ fn write_signals(out: &mut String, log: &str, survey: &Survey) -> std::fmt::Resu
     Ok(())
 }
 
-/// The signal that each quantity is guessed to be.
-struct Guesses<'a> {
-    signals: &'a [SurveyedSignal],
-    meant: Vec<(Quantity, &'a SurveyedSignal)>,
-}
-
-impl<'a> Guesses<'a> {
-    fn of(signals: &'a [SurveyedSignal]) -> Self {
-        let least_doubt = |quantity| {
-            let of = signals.iter().filter(|signal| signal.guess == Some(quantity));
-            Some((quantity, of.min_by_key(|signal| signal.doubt)?))
-        };
-        let meant = Quantity::all().filter_map(least_doubt).collect();
-        Self { signals, meant }
-    }
-
-    fn meant(&self, of: Quantity) -> Option<&'a SurveyedSignal> {
-        let found = self.meant.iter().find(|(quantity, _)| *quantity == of);
-        found.map(|(_, signal)| *signal)
-    }
-
-    /// The same, where it is no comment alone.
-    fn written(&self, of: Quantity) -> Option<&'a SurveyedSignal> {
-        self.meant(of).filter(|signal| self.why_not(of, signal).is_none())
-    }
-
-    /// Names of others that it may be.
-    fn others(&self, of: Quantity) -> Vec<String> {
-        /// The most that are named.
-        const MOST: usize = 4;
-        let Some(meant) = self.meant(of).filter(|meant| !meant.is_own_time) else {
-            return Vec::new();
-        };
-        let is_other = |signal: &&SurveyedSignal| signal.guess == Some(of) && signal.name != meant.name;
-        let others = self.signals.iter().filter(is_other);
-        let others = others.filter(|signal| !signal.doubt.needs_scale());
-        others.take(MOST).map(|signal| quoted(&signal.name)).collect()
-    }
-
-    /// Why a guess stands in a comment alone; `None`: it does not.
-    fn why_not(&self, of: Quantity, signal: &SurveyedSignal) -> Option<&'static str> {
-        let has = |quantity: Quantity| self.meant(quantity).is_some();
-        let has_phases = has(Quantity::Of(Role::CurrentA)) && has(Quantity::Of(Role::CurrentB));
-        let is_rotor = matches!(of, Quantity::CurrentD | Quantity::CurrentQ);
-        match of {
-            Quantity::Of(Role::MotorPosition) if signal.doubt == Doubt::Electrical => {
-                Some("the electrical angle: scale = 1 / pole pairs")
-            }
-            Quantity::Of(Role::CommandPosition) if signal.doubt == Doubt::OtherSide => {
-                Some("set point of the motor: scale = 1 / gear ratio")
-            }
-            Quantity::Of(Role::CommandSpeed) if signal.doubt == Doubt::OtherSide => {
-                Some("set point of the output: scale = gear ratio")
-            }
-            _ if of.is_current() && has(Quantity::CurrentQ) && has_phases == is_rotor => {
-                Some("either phase currents or those of the rotor's frame")
-            }
-            Quantity::MODE if !has_known_modes(signal) => Some("its values in position and speed mode"),
-            Quantity::Of(Role::CommandSpeed) if has(Quantity::Of(Role::CommandPosition)) => {
-                let mode = self.meant(Quantity::MODE).filter(|mode| has_known_modes(mode));
-                mode.is_none().then_some("both set points take command.mode")
-            }
-            Quantity::Counter if begins_again(signal) => Some("it begins again too early to count samples"),
-            _ => None,
-        }
-    }
-}
-
-/// Whether the values of a mode tell which is position mode: names, or the numbers that need no key.
-fn has_known_modes(signal: &SurveyedSignal) -> bool {
-    match signal.range {
-        Some([least, largest]) => least >= 0.0 && largest <= 2.0,
-        None => text_of(POSITION, &signal.texts).is_some(),
-    }
-}
-
-/// Whether a counter had fewer values than rows, and is none of 16 bits.
-fn begins_again(signal: &SurveyedSignal) -> bool {
-    let range = signal.range.map_or(0.0, |[least, largest]| largest - least);
-    range + 1.0 < signal.values as f64 && range < f64::from(u16::MAX)
-}
-
 /// The lines of one quantity.
 fn write_quantity(out: &mut String, quantity: Quantity, guesses: &Guesses<'_>) -> std::fmt::Result {
     let is_dq = guesses.meant(Quantity::CurrentQ).is_some();
@@ -257,97 +180,12 @@ fn order() -> Vec<Quantity> {
     all
 }
 
-fn line(quantity: Quantity, signal: &SurveyedSignal) -> String {
-    let name = quoted(&signal.name);
-    if quantity == Quantity::MODE && !(signal.range.is_some() && has_known_modes(signal)) {
-        return mode_line(&name, &signal.texts);
-    }
-    let needs_unit = !matches!(quantity, Quantity::Counter | Quantity::MODE);
-    let wraps = wraps_after(quantity, signal).map(|turn| turn.to_string());
-    let wraps = wraps.or_else(|| (signal.doubt == Doubt::Electrical).then(|| "…".to_owned()));
-    let scale = if signal.doubt.needs_scale() {
-        ", scale = …"
-    } else {
-        ""
-    };
-    let unit = match (&signal.guessed_unit, &signal.unit) {
-        (None, None) if needs_unit => ", unit = \"…\"".to_owned(),
-        (None, Some(unit)) if wraps.is_some() || signal.doubt.needs_scale() => format!(", unit = {}", quoted(unit)),
-        (None, _) => String::new(),
-        (Some(unit), _) => format!(", unit = {}", quoted(unit)),
-    };
-    let wraps = wraps.map_or(String::new(), |turn| format!(", wraps_after = {turn}"));
-    if unit.is_empty() && wraps.is_empty() {
-        return format!("{} = {name}", quantity.key());
-    }
-    format!("{} = {{ signal = {name}{unit}{scale}{wraps} }}", quantity.key())
-}
-
-/// Beginnings of the names of modes.
-const POSITION: &[&str] = &["pos", "angle"];
-const SPEED: &[&str] = &["speed", "spd", "vel"];
-
-fn text_of<'a>(starts: &[&str], texts: &'a [String]) -> Option<&'a String> {
-    let is_like = |text: &&String| starts.iter().any(|start| text.to_ascii_lowercase().starts_with(start));
-    texts.iter().find(is_like)
-}
-
-/// A mode by its values, texts or numbers that nobody knows.
-fn mode_line(name: &str, texts: &[String]) -> String {
-    let value = |text: &str| {
-        if texts.is_empty() {
-            "…".to_owned()
-        } else {
-            quoted(text)
-        }
-    };
-    let position = value(text_of(POSITION, texts).map_or("…", String::as_str));
-    // A mode that this log does not have needs no text.
-    let speed = text_of(SPEED, texts).map_or(String::new(), |speed| format!(", speed = {}", quoted(speed)));
-    format!(
-        "{} = {{ signal = {name}, position = {position}{speed} }}",
-        Quantity::MODE.key()
-    )
-}
-
-/// The turn after which an angle begins again, if its range is nearly one, or if it jumps by most of its range.
-fn wraps_after(quantity: Quantity, signal: &SurveyedSignal) -> Option<f64> {
-    /// Share of a turn that a wrapping angle passes in nearly every log.
-    const NEARLY: f64 = 0.99;
-    /// The same of one that is seen to jump; a jump's share of its range.
-    const WITH_A_JUMP: f64 = 0.9;
-    if !matches!(quantity, Quantity::Of(Role::MotorPosition | Role::OutputPosition)) {
-        return None;
-    }
-    let [least, largest] = signal.range?;
-    let range = largest - least;
-    let jumps = range > 0.0 && signal.jump >= WITH_A_JUMP * range;
-    let turn = match signal.unit_or_guess()? {
-        "deg" | "°" => 360.0,
-        "rad" => core::f64::consts::TAU,
-        "rev" => 1.0,
-        // Of a sensor whose resolution nobody said: turns have powers of two.
-        "counts" if jumps => range.log2().ceil().exp2(),
-        _ => return None,
-    };
-    let nearly = if jumps { WITH_A_JUMP } else { NEARLY };
-    (nearly * turn..=turn).contains(&range).then_some(turn)
-}
-
-/// A text as TOML has it.
-fn quoted(text: &str) -> String {
-    format!("\"{}\"", plain(text).replace('\\', "\\\\").replace('"', "\\\""))
-}
-
-/// A text without what breaks a line.
-fn plain(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
-}
-
 #[cfg(test)]
 mod tests {
+    use super::line::wraps_after;
     use super::*;
     use hmd_core::config::Config;
+    use hmd_core::log_map::Doubt;
 
     fn signal(name: &str, unit: &str, range: [f64; 2]) -> SurveyedSignal {
         let guess = Quantity::guess(name, Some(unit).filter(|unit| !unit.is_empty()));

@@ -19,6 +19,7 @@ mod node;
 mod odrive;
 mod other_frames;
 mod pdo;
+mod rows;
 mod sdo;
 mod vesc;
 

@@ -101,6 +101,10 @@ pub struct AssessedWindow {
     pub in_a_row: WindowsInARow,
     /// What became news by that.
     pub news: Vec<News>,
+    /// By what it was assessed, where the daemon learns the unit.
+    pub unit: record::UnitMark,
+    /// Times of the maintenance events that were followed with it, UTC ns.
+    pub events_ns: Vec<u64>,
 }
 
 impl Assessor {
@@ -197,6 +201,7 @@ impl Assessor {
             unchecked,
         } = self.explain(&mut job, is_learning, &limit.effort)?;
         let is_short = limit.effort.is_short();
+        let is_for_relations = !job.actuator.has_set_point() && job.window.quality.is_fit();
         if assessed.is_none() && is_short {
             reasons.push(format!("deadline of {} ms: not identified", limit.deadline_ms));
         }
@@ -229,8 +234,10 @@ impl Assessor {
             }
             found = Some(estimate);
         }
-        if let LearningProgress::Waits(reason) = progress {
-            reasons.push(reason.clone());
+        match progress {
+            LearningProgress::Learns(reason) if found.is_none() && is_for_relations => reasons.push(reason.clone()),
+            LearningProgress::Waits(reason) => reasons.push(reason.clone()),
+            LearningProgress::Learns(_) | LearningProgress::NotToLearn => {}
         }
         // A fault vector that does not explain the data is no estimate.
         let explained = found.as_ref().filter(|estimate| !estimate.is_unmodelled());
@@ -302,6 +309,8 @@ impl Assessor {
             shortened: is_short.then(|| shortened_record(&job, limit, found.as_ref())),
             in_a_row,
             news,
+            unit: record::UnitMark::Untold,
+            events_ns: Vec::new(),
         })
     }
 

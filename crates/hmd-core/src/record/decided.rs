@@ -12,6 +12,10 @@ message! {
         window: u64 = 2 uint64;
         /// Start of the window, UTC ns.
         t_start_ns: u64 = 3 uint64;
+        /// By what it was assessed where the daemon learns the unit ([`super::UnitMark`]).
+        unit: String = 4 string;
+        /// Times of the maintenance events that were followed with it, UTC ns: replacements that reset the unit history.
+        events_ns: Vec<u64> = 5 uint64 repeated;
     }
 }
 

@@ -87,7 +87,10 @@ struct Misuse(String);
 pub fn code_of(error: &anyhow::Error) -> u8 {
     // What the assessor refuses comes from the configuration: a calibration it names, its search, its levels.
     let by_assessor = error.downcast_ref::<AssessError>().is_some()
-        || error.downcast_ref::<EventError>().is_some()
+        || matches!(
+            error.downcast_ref(),
+            Some(EventError::Io { .. } | EventError::Line { .. })
+        )
         || matches!(
             error.downcast_ref(),
             Some(ReplayError::Assess(_) | ReplayError::Events(_))
@@ -177,14 +180,15 @@ pub fn check_files(config: &Config, tell: &mut dyn FnMut(&str)) -> anyhow::Resul
     Ok(())
 }
 
-/// The same with what earlier runs learnt of units, which a run goes on with and a replay does not.
+/// The same with what earlier runs learnt of units, which a run goes on with; a replay needs it where its logs lack the windows that it was
+/// learnt from.
 ///
 /// # Errors
 /// The first file that cannot be used.
 pub fn check_files_of_run(config: &Config, tell: &mut dyn FnMut(&str)) -> anyhow::Result<()> {
     check_files(config, tell)?;
-    for (path, actuator, unit) in load_learnt(config)? {
-        tell_of_changed_type(&path, actuator, &unit, tell);
+    for kept in load_learnt(config)? {
+        tell_of_changed_type(&kept.path, kept.actuator, &kept.calibration, tell);
     }
     Ok(())
 }

@@ -7,8 +7,10 @@ use std::path::{Path, PathBuf};
 
 use prost::Message;
 
+use super::held_events::HeldEvents;
+use super::recorded_units::RecordedUnits;
 use hmd_core::metadata_checksum::is_sealed;
-use hmd_core::record::{Assessed, Dropped, Ended, Health, Record, Shortened};
+use hmd_core::record::{Assessed, Dropped, Ended, Health, RawBatch, Record, Shortened};
 use hmd_storage::mcap::{McapMessage, McapMessages};
 use hmd_storage::mcap_writer::METADATA_NAME;
 use hmd_storage::recorder::{ASSESSED_KEY, ASSESSED_MARKED};
@@ -30,8 +32,10 @@ pub(super) struct LiveDecisions {
     /// Which of them each log is of.
     of_logs: Vec<Option<String>>,
     current: Option<String>,
-    /// Where all logs are captures, the time of the oldest, UTC ns.
-    pub(super) captures_from_ns: Option<u64>,
+    /// By what each window was assessed, where the run learnt its unit.
+    pub(super) units: RecordedUnits,
+    /// Maintenance events that it followed after its clock was set back.
+    pub(super) held_events: HeldEvents,
 }
 
 /// A run that marked the windows it assessed.
@@ -48,19 +52,17 @@ impl LiveDecisions {
     /// reported when it is replayed.
     pub(super) fn of(logs: &[PathBuf], config_hash: &str) -> Self {
         let mut found = Self::default();
-        let mut oldest_ns = Vec::new();
         for log in logs {
-            let (run, capture_ns) = found.read(log, config_hash).unwrap_or_default();
+            found.units.add_log(log.display().to_string());
+            found.held_events.add_log();
+            let run = found.read(log, config_hash).unwrap_or_default();
             found.of_logs.push(run);
-            oldest_ns.push(capture_ns);
         }
-        let captures: Option<Vec<u64>> = oldest_ns.into_iter().collect();
-        found.captures_from_ns = captures.and_then(|oldest_ns| oldest_ns.into_iter().min());
         found
     }
 
-    /// Reads one log; the run that it is of, if that marked its windows, and of a capture the time of its first frame.
-    fn read(&mut self, log: &Path, config_hash: &str) -> Option<(Option<String>, Option<u64>)> {
+    /// Reads one log; the run that it is of, if that marked its windows.
+    fn read(&mut self, log: &Path, config_hash: &str) -> Option<Option<String>> {
         let log = current_path(log);
         // Nothing else than a regular file can be read twice.
         if !log.metadata().is_ok_and(|of| of.is_file()) {
@@ -73,8 +75,9 @@ impl LiveDecisions {
         let first = messages.by_ref().flatten().next();
         let metadata = messages.metadata(METADATA_NAME);
         let has = |key: &str| metadata.is_some_and(|found| found.contains_key(key));
-        let (is_capture, is_segment) = (has("capture"), has("run"));
-        let capture_ns = first.as_ref().filter(|_| is_capture).map(|message| message.log_time_ns);
+        let is_segment = has("run");
+        let of_run = metadata.and_then(|found| found.get("run"));
+        self.units.set_run(of_run, has("capture"));
         let mut run = marked_run(&messages, &log, config_hash);
         if let Some(run) = &run {
             self.runs.entry(run.clone()).or_default();
@@ -91,7 +94,7 @@ impl LiveDecisions {
         if let Some(bare) = run.take_if(is_bare) {
             self.runs.remove(&bare);
         }
-        Some((run, capture_ns))
+        Some(run)
     }
 
     fn take(&mut self, message: &McapMessage, run: Option<&str>) {
@@ -102,12 +105,19 @@ impl LiveDecisions {
                 let window = key(data, |record: Dropped| (record.actuator, record.t_start_ns));
                 self.dropped.extend(window);
             }
+            RawBatch::SCHEMA_NAME => self.held_events.add_frames(message.log_time_ns),
             Shortened::SCHEMA_NAME => {
                 let decoded = Shortened::decode(data);
                 self.shortened
                     .extend(decoded.map(|record| ((record.actuator.clone(), record.t_start_ns), record)));
             }
-            Assessed::SCHEMA_NAME => assessed = key(data, |record: Assessed| (record.actuator, record.t_start_ns)),
+            Assessed::SCHEMA_NAME => {
+                if let Ok(mark) = Assessed::decode(data) {
+                    self.units.add(&mark);
+                    self.held_events.add(&mark);
+                    assessed = Some((mark.actuator, mark.t_start_ns));
+                }
+            }
             Health::SCHEMA_NAME => assessed = key(data, |record: Health| (record.actuator, record.t_start_ns)),
             _ => {}
         }

@@ -423,3 +423,79 @@ fn each_of_two_drives_on_a_bus_is_heard() {
         }
     }
 }
+
+/// Nothing counts their samples, and no stamp tells a pause between two logs from loss.
+#[test]
+fn a_pause_between_the_logs_of_a_drive_is_no_loss() {
+    let folder = Folder::new();
+    folder.write(
+        "hmd.toml",
+        "[type.servo270.sensors]\nsample_rate_hz = 400\n[[actuator]]\nid = 1\nname = \"joint\"\nbus = \"can0\"\ntype = \"servo270\"\n\
+         [actuator.drive]\npreset = \"moteus\"\noutput_encoder = 1\n",
+    );
+    for (name, start) in [
+        ("a", "2026-11-20T14:00Z"),
+        ("b", "2026-11-20T14:01Z"),
+        ("c", "2026-11-21T14:01Z"),
+    ] {
+        folder.done(&format!(
+            "simulate --actuator servo270 --rate 400 --id 1 --preset moteus --output-encoder --start {start} -o {name}.log -c hmd.toml"
+        ));
+    }
+    let lines = folder.done("replay a.log b.log c.log -c hmd.toml --json");
+    assert_eq!(lines.lines().count(), 3, "{lines}");
+    // In one log the frames between are lost.
+    let both = [folder.read("a.log"), folder.read("b.log")].concat();
+    folder.write("both.log", both);
+    let ended = folder.hmd("replay both.log -c hmd.toml");
+    assert!(ended.code == 3 && ended.stderr.contains("samples"), "{}", ended.stderr);
+}
+
+/// As `hmd calibrate` does, by the relations: no monitor follows a set point that is not there.
+#[test]
+fn a_unit_without_set_point_is_learnt() {
+    let folder = Folder::new();
+    let config = |settings: &str| {
+        format!(
+            "[type.servo270.sensors]\nsample_rate_hz = 1000\n[[actuator]]\nid = 1\nname = \"joint\"\nbus = \"can0\"\ntype = \"servo270\"\n\
+             {settings}[actuator.drive]\npreset = \"moteus\"\noutput_encoder = 1\nset_point = false\n"
+        )
+    };
+    folder.write("type.toml", config(""));
+    folder.write("unit.toml", config("calibration = \"joint.toml\"\n"));
+    folder.write("learn.toml", config("learn_windows = 6\nlearn_folder = \"units\"\n"));
+    folder.done(
+        "simulate --actuator servo270 --rate 1000 --noise 0.02 --id 1 --preset moteus --output-encoder --windows 8 --seed 3 \
+         -o healthy.log -c type.toml",
+    );
+    folder.done("calibrate healthy.log -c type.toml -o joint.toml");
+    let commissioned = folder.replayed("healthy.log -c unit.toml");
+    let learnt = folder.replayed("healthy.log -c learn.toml");
+    for (n, line) in learnt.iter().enumerate() {
+        let learning = line["reason"]
+            .as_str()
+            .unwrap()
+            .contains(&format!("learning, {} of 6 windows", n + 1));
+        assert_eq!((learning, line["health"] == "unknown"), (n < 6, n < 6), "{line}");
+    }
+    assert_eq!(learnt[7]["status"], commissioned[7]["status"], "{}", learnt[7]);
+    assert_eq!(learnt[7]["faults"], serde_json::json!([]), "{}", learnt[7]);
+}
+
+/// Steps of 0.1 A, as a VESC reports its current, are coarse for a small motor: what is wrong with the windows is said.
+#[test]
+fn windows_without_set_point_that_are_not_fit_say_why() {
+    let folder = Folder::new();
+    folder.write(
+        "hmd.toml",
+        "[type.servo270.sensors]\nsample_rate_hz = 1000\n[[actuator]]\nid = 1\nname = \"joint\"\nbus = \"can0\"\ntype = \"servo270\"\n\
+         [actuator.drive]\npreset = \"vesc\"\nset_point = false\n",
+    );
+    folder.done(
+        "simulate --actuator servo270 --rate 1000 --noise 0.02 --id 1 --preset vesc --windows 5 --seed 3 -o small.log -c hmd.toml",
+    );
+    let ended = folder.hmd("calibrate small.log -c hmd.toml -o joint.toml");
+    assert_eq!(ended.code, 1, "{}", ended.stderr);
+    assert!(ended.stderr.contains("joint: window 0: left out: "), "{}", ended.stderr);
+    assert!(!ended.stderr.contains("(hmd calibrate)"), "{}", ended.stderr);
+}

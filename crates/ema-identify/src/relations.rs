@@ -36,6 +36,7 @@ mod curves;
 mod elements;
 mod flanks;
 mod gear_loss;
+mod held_setpoint;
 mod hidden_torque;
 mod jackknife;
 mod kernel;

@@ -134,7 +134,7 @@ impl Newest {
             later.fallen[fault.index()] |= of_later == HealthState::Nominal && self.falls_to(&later, fault);
         }
         let holds = self.keeps_forecast(&later);
-        let by_life = self.state_by_life().filter(|_| holds);
+        let by_life = self.state_by_life().filter(|_| holds && self.keeps_end(&later));
         let worst = states
             .into_iter()
             .max()
@@ -146,19 +146,19 @@ impl Newest {
         if is_other && worst > state && (worst > HealthState::Nominal || is_known) {
             worst.name().clone_into(&mut later.health.health);
         }
-        if holds && self.rul.rul_p10_h.is_some() {
-            later.rul = self.forecast_left(&later, &states, by_life.is_some());
+        let left = self.forecast_left(&later, &states, by_life.is_some());
+        if holds && left.rul_p10_h.is_some() {
+            later.rul = left;
         }
         later.health.set_states(&states);
         self.join(later, &states);
     }
 
-    /// Whether the forecast before a later recording holds after it: that has none, nothing that was replaced takes away what ends the life, and no
-    /// windows show that it does not grow.
+    /// Whether the forecast before a later recording holds after it: that has none, and no windows show that what ends the life does not grow.
     fn keeps_forecast(&self, later: &Self) -> bool {
         let is_shown = |fault: FaultId| later.shown.of(fault).is_some();
         let is_steady = later.rul.reason == NoTrend::NoGrowth.to_string() && self.ends_first().is_none_or(is_shown);
-        !later.has_forecast && self.keeps_end(later) && !is_steady
+        !later.has_forecast && !is_steady
     }
 
     /// The hours that are left by the forecast before a later recording, to the faults that are still at watch or worse after it; `is_by_life`: and
@@ -169,12 +169,12 @@ impl Newest {
         let is_gone = |fault: FaultId| later.has_renewed(fault) || !is_worn(fault);
         let ends_alone = self.end().filter(|end| !end.by_function).and_then(|end| end.fault);
         // All faults together miss a requirement.
-        let is_end_gone = match ends_alone {
+        let is_end_well = match ends_alone {
             Some(fault) => is_gone(fault),
             None => !is_by_life && !FaultId::ALL.into_iter().any(is_worn),
         };
         let mut rul = self.rul.clone();
-        rul.forget(is_gone, is_end_gone);
+        rul.forget(is_gone, is_end_well || !self.keeps_end(later));
         rul
     }
 
@@ -411,7 +411,7 @@ mod tests {
     }
 
     /// A forecast of gain and backlash, then a recording with these states of backlash and of all others.
-    fn after_forecast(later: [HealthState; 2], reason: &str) -> Newest {
+    fn after_forecast(later: [HealthState; 2], reason: &str, replaced: &str) -> Newest {
         let mut before = recording(Watch, [Watch, Watch], true, "");
         let mut rul = Rul {
             rul_p10_h: Some(90.0),
@@ -422,7 +422,7 @@ mod tests {
         let hours = [None, Some(90.0), None, None, None, None, Some(200.0)];
         rul.set_faults(hours.map(|h| h.map(|h| ([h, h, h], 0.5))));
         before.add_rul(rul);
-        let mut later = recording(later[0], later, true, "");
+        let mut later = recording(later[0], later, true, replaced);
         let mut health = later.health.clone();
         health.set_damage([Some(0.1); FaultId::COUNT]);
         later.add(health);
@@ -439,20 +439,28 @@ mod tests {
         let few = "no trend yet: 1 of 6 estimates";
         let hours = |newest: Newest| (newest.rul.rul_p10_h, newest.rul.backlash_p10_h, newest.rul.gain_p10_h);
         assert_eq!(
-            hours(after_forecast([Watch; 2], few)),
+            hours(after_forecast([Watch; 2], few, "")),
             (Some(90.0), Some(90.0), Some(200.0))
         );
         // Until windows show no growth, and of the parts that are still worn.
-        assert_eq!(hours(after_forecast([Watch; 2], "no fault grows")), (None, None, None));
         assert_eq!(
-            hours(after_forecast([Watch, Nominal], few)),
+            hours(after_forecast([Watch; 2], "no fault grows", "")),
+            (None, None, None)
+        );
+        assert_eq!(
+            hours(after_forecast([Watch, Nominal], few, "")),
             (Some(90.0), Some(90.0), None)
         );
         assert_eq!(
-            hours(after_forecast([Nominal, Watch], few)),
+            hours(after_forecast([Nominal, Watch], few, "")),
             (Some(200.0), None, Some(200.0))
         );
-        assert_eq!(hours(after_forecast([Nominal; 2], few)), (None, None, None));
+        assert_eq!(hours(after_forecast([Nominal; 2], few, "")), (None, None, None));
+        // A new part leaves the hours of the others.
+        let gearbox = after_forecast([Unknown, Watch], few, "gearbox");
+        assert_eq!(hours(gearbox), (Some(200.0), None, Some(200.0)));
+        // Where none are left, the later recording says why.
+        assert_eq!(after_forecast([Unknown; 2], few, "unit").rul.reason, few);
     }
 
     #[test]

@@ -92,6 +92,13 @@ pub enum ClockDoubt {
         /// Start of that window, UTC ns.
         t_ns: u64,
     },
+    /// Its windows step back, or far ahead.
+    Step {
+        /// Name of the file.
+        file: String,
+        /// Starts of the windows before and after the step, UTC ns.
+        t_ns: [u64; 2],
+    },
     /// It is far from the recording before it.
     Far {
         /// Names of the files of both, the earlier one first.

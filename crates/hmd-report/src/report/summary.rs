@@ -116,6 +116,14 @@ const DOUBTS_MAX: usize = 3;
 /// Which recordings may stand at the wrong time, in sentences.
 fn clock_doubts(history: &History, zone: &Zone) -> Option<String> {
     let doubt = |doubt: &ClockDoubt| match doubt {
+        ClockDoubt::Step {
+            file,
+            t_ns: [before, after],
+        } => format!(
+            "{file} steps from {} to {}, and hours and dates of a forecast may be wrong by that",
+            zone.minute(*before),
+            zone.minute(*after)
+        ),
         ClockDoubt::Ahead { file, t_ns } => format!("{file} ends {}, after the present", zone.minute(*t_ns)),
         ClockDoubt::Far { files: [a, b], days } => format!("{days} days lie between {a} and {b}"),
     };
@@ -411,9 +419,14 @@ mod tests {
                 files: ["c.mcap", "b.mcap"].map(str::to_owned),
                 days: 1599,
             },
+            ClockDoubt::Step {
+                file: "d.mcap".to_owned(),
+                t_ns: [60 * minute, 0],
+            },
         ];
         let expected = "Recordings stand in the order of their time stamps: b.mcap ends 1970-01-01 01:00 UTC, after the present; 1599 days lie \
-                        between c.mcap and b.mcap.";
+                        between c.mcap and b.mcap; d.mcap steps from 1970-01-01 01:00 UTC to 1970-01-01 00:00 UTC, and hours and dates of a \
+                        forecast may be wrong by that.";
         assert!(text(&history).contains(expected), "{}", text(&history));
     }
 

@@ -120,7 +120,22 @@ const FAR_DAYS: u64 = 365;
 /// Nanoseconds of a day.
 const NS_PER_DAY: u64 = 86_400_000_000_000;
 
-/// Recordings in the order of their stamps that stand after the present, UTC ns, or far from the one before.
+/// Nanoseconds by which windows of a recording step back that may have had a wrong clock.
+const STEP_BACK_NS: u64 = NS_PER_DAY;
+
+/// The first step of the windows of a recording that tells of a wrong clock.
+fn first_step(recording: &Part) -> Option<ClockDoubt> {
+    let times = recording.history.points.windows(2);
+    let mut steps = times.map(|pair| [pair[0].t_start_ns, pair[1].t_start_ns]);
+    let is_wrong = |&[before, after]: &[u64; 2]| {
+        before.saturating_sub(after) >= STEP_BACK_NS || after.saturating_sub(before) >= FAR_DAYS * NS_PER_DAY
+    };
+    let t_ns = steps.find(is_wrong)?;
+    let file = recording.file.clone();
+    Some(ClockDoubt::Step { file, t_ns })
+}
+
+/// Recordings in the order of their stamps that stand after the present, UTC ns, or far from the one before, and those whose windows step.
 fn clock_doubts(recordings: &[Part], now_ns: u64) -> Vec<ClockDoubt> {
     let dated = recordings
         .iter()
@@ -133,6 +148,7 @@ fn clock_doubts(recordings: &[Part], now_ns: u64) -> Vec<ClockDoubt> {
             t_ns,
         })
         .collect();
+    doubts.extend(recordings.iter().filter_map(first_step));
     dated.sort_by_key(|(_, period)| *period);
     // The latest end so far.
     let mut before: Option<(&String, u64)> = None;
@@ -462,6 +478,15 @@ mod tests {
             files: files.map(str::to_owned),
             days,
         };
+        let stepped = Part {
+            file: "s".to_owned(),
+            ..part(None, &[100, 120, 20, 122].map(|day| day * NS_PER_DAY))
+        };
+        let step = ClockDoubt::Step {
+            file: "s".to_owned(),
+            t_ns: [120, 20].map(|day| day * NS_PER_DAY),
+        };
+        assert_eq!(doubts(vec![stepped], 2000), [step]);
         let in_order = || vec![of("a", [1000, 1010]), of("c", [1005, 1020]), of("d", [1300, 1301])];
         assert_eq!(doubts(in_order(), 2000), []);
         let mut parts = in_order();

@@ -36,7 +36,6 @@ mod curves;
 mod elements;
 mod flanks;
 mod gear_loss;
-mod held_setpoint;
 mod hidden_torque;
 mod jackknife;
 mod kernel;

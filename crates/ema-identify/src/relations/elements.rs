@@ -83,8 +83,6 @@ pub enum Needed {
     PositionMode,
     /// More samples with neither speed nor torque at their limits, while the position error changes.
     UnsaturatedControl,
-    /// A set point that is logged with each sample: the law of the speed loop does not hold with one in steps of several.
-    SetpointOfEachSample,
     /// A play that the load behind a compliant transmission does not leave the motor in.
     NarrowPlay,
     /// Commissioning windows that show the element: at least two.

@@ -350,7 +350,6 @@ pub(crate) fn needed_in_words(needed: Needed) -> &'static str {
         Needed::OpenReversal => "a reversal without a load that closes the play",
         Needed::PositionMode => "position mode",
         Needed::UnsaturatedControl => "control off its limits",
-        Needed::SetpointOfEachSample => "a set point logged with each sample",
         Needed::NarrowPlay => "a narrower play",
         Needed::CommissioningThatShowsIt => "commissioning windows that show it",
     }

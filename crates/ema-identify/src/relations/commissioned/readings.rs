@@ -6,7 +6,6 @@ use crate::relations::baseline::Baseline;
 use crate::relations::controller::{LawKnowledge, gain_ratio};
 use crate::relations::elements::{Element, ElementReadings, Needed, Reading};
 use crate::relations::flanks::Flanks;
-use crate::relations::held_setpoint::is_setpoint_held;
 use crate::relations::measured::MeasuredWindow;
 use crate::relations::output_load::OutputLoad;
 use crate::relations::residual::{RELATION_COUNT, Relation, Residual};
@@ -31,16 +30,12 @@ impl CommissionedRelations {
         }
     }
 
-    /// The gain ratio of a window, with the time of its set point, as far as that is shown; of healthy windows with that of all of them. None
-    /// where the set point is logged in steps with which the law of the type does not hold.
+    /// The gain ratio of a window, with the time of its set point, as far as that is shown; of healthy windows with that of all of them.
     fn gain_in_time<S: RecordedSample>(
         &self,
         window: &MeasuredWindow<'_, S>,
         is_healthy: bool,
     ) -> Result<(Reading, Residual), Needed> {
-        if self.torque_scale.is_none() && is_setpoint_held(window) {
-            return Err(Needed::SetpointOfEachSample);
-        }
         let healthy = &self.setpoint_delay;
         let is_comparable = self.gain_without_delay || healthy.windows > 0;
         let found = setpoint_delay(window, self.torque_scale).filter(|_| is_comparable);

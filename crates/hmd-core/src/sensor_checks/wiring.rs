@@ -241,12 +241,12 @@ mod tests {
 
     use super::*;
 
-    /// What is found of a motion forth and back at up to 100 rad/s, with 3 A or less on the torque axis, whose currents are so many samples late.
+    /// What is found of a motion forth and back at up to 60 rad/s, with 3 A or less on the torque axis, whose currents are so many samples late.
     fn found(late: i32) -> Option<Wiring> {
         let mut params = ActuatorParams::bench();
         params.sensors.sample_rate = 2000.0;
         let phase = |n: i32| f64::from(n) / 2000.0 / 0.15;
-        let angle = |n: i32| 15.0 * (1.0 - phase(n).cos());
+        let angle = |n: i32| 9.0 * (1.0 - phase(n).cos());
         let samples: Vec<SensedSample> = (0..2000)
             .map(|n| {
                 let then = n - late;

@@ -52,9 +52,6 @@ const LEFT: f64 = 0.4;
 /// Most pole pairs that are tried.
 const POLE_PAIRS_MAX: u32 = 30;
 
-/// Largest age of the currents that is tried, samples.
-const AGE_MAX: isize = 8;
-
 /// Turn of the motor that a check needs, rad electrical: a shorter one shows no rotation against the rotor.
 const TURN_RAD: f64 = 3.0;
 
@@ -68,6 +65,7 @@ pub(super) fn other_wiring(
     if signals.pole_pairs * signals.span(|row| row.theta_m) < TURN_RAD {
         return None;
     }
+    let late = [Wiring::CurrentsLate(1), Wiring::CurrentsLate(-1)];
     // A wrong zero is not a matter of wires.
     let configured = share_on_torque_axis(signals, Wiring::PolePairs(signals.pole_pairs), |_| true)?;
     if 1.0 - configured < OFF_AXIS {
@@ -79,10 +77,9 @@ pub(super) fn other_wiring(
         }
         // A zero that explains as much is told by `far_zero`, or beside the age of the currents by `currents`.
         let by_zero = share_on_torque_axis(signals, Wiring::PolePairs(signals.pole_pairs), counts)?;
-        let late = ages().map(Wiring::CurrentsLate);
         return best_of(signals, late, configured, counts).filter(|(best, _)| best.share > by_zero);
     }
-    let mut candidates: Vec<Wiring> = ages().map(Wiring::CurrentsLate).collect();
+    let mut candidates = late.to_vec();
     match ratio {
         Some(ratio) if ratio < 0.0 => candidates.push(Wiring::ResolverReversed),
         Some(ratio) if (ratio - 1.0).abs() > 0.1 => candidates.push(Wiring::ResolverTimes(1.0 / ratio)),
@@ -93,11 +90,6 @@ pub(super) fn other_wiring(
         }
     }
     best_of(signals, candidates, configured, |_| true)
-}
-
-/// Ages of the currents that are tried, samples: late, and early.
-fn ages() -> impl Iterator<Item = isize> {
-    (1..=AGE_MAX).flat_map(|late| [late, -late])
 }
 
 /// Pole pairs other than those configured.
@@ -131,7 +123,12 @@ pub(super) fn far_zero(signals: &Signals, params: &ActuatorParams) -> Option<Far
     }
     let counts = |row: &Row| signals.is_controlled(row);
     let share = share_on_torque_axis(signals, Wiring::PolePairs(signals.pole_pairs), counts)?;
-    if 1.0 - share > OFF_AXIS {
+    let late = [1, -1].into_iter().filter_map(|late| {
+        let of_late = share_on_torque_axis(signals, Wiring::CurrentsLate(late), counts)?;
+        Some((of_late, late))
+    });
+    let (of_late, late) = late.reduce(|best, other| if other.0 > best.0 { other } else { best })?;
+    if 1.0 - share > OFF_AXIS || of_late > share {
         return None;
     }
     let axis = zero_of_torque_axis(signals, counts);
@@ -142,14 +139,6 @@ pub(super) fn far_zero(signals: &Signals, params: &ActuatorParams) -> Option<Far
     let ahead = if gain > 0.0 { axis } else { axis - PI.copysign(axis) };
     let is_half_turn = PI - ahead.abs() < ZERO_MIN;
     if ahead.abs() <= FAR || is_half_turn {
-        return None;
-    }
-    let late = ages().filter_map(|late| {
-        let of_late = share_on_torque_axis(signals, Wiring::CurrentsLate(late), counts)?;
-        Some((of_late, late))
-    });
-    let (of_late, late) = late.reduce(|best, other| if other.0 > best.0 { other } else { best })?;
-    if of_late > share {
         return None;
     }
     // With wrong pole pairs a short motion has a best zero, too.
@@ -233,43 +222,4 @@ fn share_on_torque_axis(signals: &Signals, wiring: Wiring, counts: impl Fn(&Row)
         _ => on_axis / all,
     };
     share.is_finite().then_some(share)
-}
-
-#[cfg(test)]
-mod tests {
-    use ema_models::{SensedSample, Setpoint, abc_from_alpha_beta, alpha_beta_from_dq};
-
-    use super::*;
-
-    /// What is found of a motion forth and back at up to 60 rad/s, with 3 A or less on the torque axis, whose currents are so many samples late.
-    fn found(late: i32) -> Option<Wiring> {
-        let mut params = ActuatorParams::bench();
-        params.sensors.sample_rate = 2000.0;
-        let phase = |n: i32| f64::from(n) / 2000.0 / 0.15;
-        let angle = |n: i32| 9.0 * (1.0 - phase(n).cos());
-        let samples: Vec<SensedSample> = (0..2000)
-            .map(|n| {
-                let then = n - late;
-                let electrical = params.motor.pole_pairs * (angle(then) + 0.5 * params.sensors.motor_lsb());
-                let torque = 3.0 * phase(then).cos() + 0.5 * phase(then).sin().signum();
-                SensedSample {
-                    seq: n.unsigned_abs().into(),
-                    currents: abc_from_alpha_beta(alpha_beta_from_dq([0.0, torque], electrical.sin_cos_poly())),
-                    motor_counts: (angle(n) / params.sensors.motor_lsb()).floor() as i64,
-                    output_counts: 0,
-                    setpoint: Setpoint::Idle,
-                }
-            })
-            .collect();
-        let found = other_wiring(&Signals::new(&params, &samples, &[]), &params, None)?;
-        Some(found.0.wiring)
-    }
-
-    #[test]
-    fn the_age_of_the_currents_is_found_to_the_sample_and_is_no_other_number_of_poles() {
-        assert_eq!(found(0), None);
-        for late in [2, 6, 8, -2, -6] {
-            assert_eq!(found(late), Some(Wiring::CurrentsLate(late as isize)));
-        }
-    }
 }

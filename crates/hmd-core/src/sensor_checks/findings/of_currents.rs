@@ -3,7 +3,6 @@
 use ema_models::ActuatorParams;
 
 use super::{Finding, suspicion};
-use crate::counted::counted;
 use crate::sensor_checks::correction::Correction;
 use crate::sensor_checks::currents::{CurrentError, ZERO_MIN};
 use crate::sensor_checks::offset_of_sum::{SumOffset, offset_of_sum};
@@ -46,7 +45,11 @@ pub(super) fn of_wiring(params: &ActuatorParams, found: &OnTorqueAxis, configure
             ),
             Some(Correction::PolePairs(pole_pairs)),
         ),
-        Wiring::CurrentsLate(late) => (Suspect::SampleOrder, samples_late(late), Some(Correction::Later(late))),
+        Wiring::CurrentsLate(late) => (
+            Suspect::SampleOrder,
+            format!("the currents seem to be {late} sample late"),
+            Some(Correction::Later(late)),
+        ),
         Wiring::Right => (Suspect::PhaseOrder, String::new(), None),
     };
     Finding::new(suspect, &format!("{what}: {shares}"), correction)
@@ -80,10 +83,10 @@ pub(super) fn of_far_zero(params: &ActuatorParams, far: &FarZero) -> Finding {
             format!("all seem reversed, and the resolver {half_turn_less:+.1}° electrical ahead of the rotor");
         others.push(suspicion(Suspect::CurrentSign, &evidence));
     }
-    let late = far
-        .or_late
-        .map(|late| suspicion(Suspect::SampleOrder, &samples_late(late)));
-    others.extend(late);
+    others.extend(far.or_late.map(|late| {
+        let evidence = format!("the currents seem to be {late} sample late");
+        suspicion(Suspect::SampleOrder, &evidence)
+    }));
     finding
 }
 
@@ -207,20 +210,10 @@ pub(super) fn of_limit(params: &ActuatorParams, gain: f64) -> Finding {
 }
 
 fn of_age(late: f64) -> Suspicion {
-    let age = if late > 0.0 { "older" } else { "newer" };
     suspicion(
         Suspect::SampleOrder,
-        &format!(
-            "the currents seem to be {:.2} ms {age} than the angles",
-            1e3 * late.abs()
-        ),
+        &format!("the currents seem to be {:.2} ms older than the angles", 1e3 * late),
     )
-}
-
-fn samples_late(late: isize) -> String {
-    let samples = counted(late.unsigned_abs() as u64, "sample", "samples");
-    let side = if late > 0 { "late" } else { "early" };
-    format!("the currents seem to be {samples} {side}")
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 //! In steady motion a set point that is logged at another time looks like another controller gain. Its delay is found to first order,
 //! then again with the set point moved by it, until less than a sample is left.
 
-use ema_identify::relations::{Baseline, CommissionedRelations, SetpointDelay, SinceCommissioning, setpoint_delay};
+use ema_identify::relations::{CommissionedRelations, SetpointDelay, SinceCommissioning, setpoint_delay};
 
 use super::correction::Correction;
 use super::findings::Finding;
@@ -47,13 +47,13 @@ const GAINS: std::ops::Range<f64> = 0.45..1.6;
 pub fn setpoint_time(job: &WindowJob, commissioned: Option<(&CommissionedRelations, Option<f64>)>) -> Option<Finding> {
     let rate_hz = job.params.sensors.sample_rate;
     let torque_scale = commissioned.and_then(|(unit, _)| unit.torque_scale);
-    let (expected_s, expected_sigma_s, allowed_s) = match commissioned {
-        Some((unit, then_hz)) => {
-            let (healthy_s, sigma_s) = healthy_delay(&unit.setpoint_delay)?;
+    let (expected_s, scatter_s, allowed_s) = match commissioned.map(|(unit, rate_hz)| (&unit.setpoint_delay, rate_hz)) {
+        Some((healthy, _)) if healthy.windows == 0 => return None,
+        Some((healthy, then_hz)) => {
             let longer_s = then_hz.map_or(0.0, |then_hz| 1.0 / rate_hz - 1.0 / then_hz);
             (
-                healthy_s + RATE_PERIODS * longer_s,
-                sigma_s,
+                healthy.mean + RATE_PERIODS * longer_s,
+                healthy.scatter,
                 OTHER_MOTION_S + OTHER_MOTION_PERIODS / rate_hz + OTHER_RATE_PERIODS * longer_s.abs(),
             )
         }
@@ -65,7 +65,7 @@ pub fn setpoint_time(job: &WindowJob, commissioned: Option<(&CommissionedRelatio
     };
     let (moved, found) = delay(job, torque_scale)?;
     let early_s = moved as f64 / rate_hz + found.delay_s.value - expected_s;
-    let sigma_s = found.delay_s.sigma.hypot(expected_sigma_s);
+    let sigma_s = found.delay_s.sigma.hypot(scatter_s);
     let is_shown = sigma_s < SIGMA_MAX_S && (commissioned.is_some() || GAINS.contains(&found.gain));
     if early_s.abs() < allowed_s + SIGMAS * sigma_s || !is_shown {
         return None;
@@ -81,13 +81,6 @@ pub fn setpoint_time(job: &WindowJob, commissioned: Option<(&CommissionedRelatio
     // The monitor of a unit that was not commissioned needs the set point to the sample.
     let correction = commissioned.map(|_| Correction::SetpointBefore(samples));
     Some(Finding::new(Suspect::SetpointDelay, &evidence, correction))
-}
-
-/// The delay that the healthy windows of a unit show, and the standard deviation within which a later one is it: their scatter, and what they
-/// leave open of their mean. `None` of fewer than two windows, which show no scatter.
-fn healthy_delay(healthy: &Baseline) -> Option<(f64, f64)> {
-    let of_mean = healthy.sigma / (healthy.windows as f64).sqrt();
-    (healthy.windows >= 2).then(|| (healthy.mean, healthy.scatter.hypot(of_mean)))
 }
 
 /// Samples by which the set point is moved to a later one, and the delay that is left, less than one sample; `None` where none is shown.
@@ -109,24 +102,4 @@ fn delay(job: &WindowJob, torque_scale: Option<f64>) -> Option<(isize, SetpointD
         }
     }
     None
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_delay_that_commissioning_hardly_shows_is_no_measure_for_a_later_one() {
-        let healthy = |windows, sigma| Baseline {
-            mean: 10e-3,
-            scatter: 0.3e-3,
-            sigma,
-            windows,
-            ..Baseline::default()
-        };
-        assert_eq!(healthy_delay(&healthy(1, 5.8e-3)), None);
-        let sigma_s = |windows, sigma| healthy_delay(&healthy(windows, sigma)).map(|(_, sigma_s)| sigma_s);
-        assert!(sigma_s(4, 4e-3).is_some_and(|sigma_s| sigma_s > SIGMA_MAX_S));
-        assert!(sigma_s(10, 0.05e-3).is_some_and(|sigma_s| sigma_s < 0.31e-3));
-    }
 }

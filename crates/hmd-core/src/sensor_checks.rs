@@ -12,7 +12,6 @@
 //! | `current_limit` | current that lasts beyond the limit of the drive: gain of all currents |
 //! | `torque` | balance of the shaft: sign and gain of the currents, load |
 //! | `angles` | output against motor and set point: gear ratio, encoder, unit and delay of the set point |
-//! | `angle_time` | output angle against motor angle: one of another instant |
 //! | `setpoint_time` | law of the speed loop: set point before or after its effect |
 //! | `gear_ratio` | line between the two angles: gear ratio to parts in a thousand |
 //! | `motions_without_window` | motion that begins no window where nothing is commanded: a creep before it |
@@ -22,7 +21,6 @@
 //!
 //! After an estimate, a reading may contradict what the motion says without it ([`contradictions`]), or compete with the faults ([`rivals`]).
 
-mod angle_time;
 mod angles;
 mod contradictions;
 mod control_law;
@@ -45,7 +43,6 @@ mod torque;
 mod unseen_motion;
 mod wiring;
 
-pub use angle_time::angle_time;
 pub use contradictions::{Contradiction, contradictions};
 pub use correction::Correction;
 pub(crate) use currents::OFFSET_SHARE;

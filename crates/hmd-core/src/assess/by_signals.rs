@@ -5,7 +5,7 @@ use super::{AssessError, Assessor, conditions};
 use crate::outbox::WindowJob;
 use crate::outliers::grants_runs;
 use crate::sensor_checks::rivals::{BETTER, Verdict, accuses_all_phases_alike, compare, is_doubtful};
-use crate::sensor_checks::{Correction, Finding, Suspect, angle_time, examine, setpoint_time};
+use crate::sensor_checks::{Correction, Finding, Suspect, examine, setpoint_time};
 use crate::window::{Defect, Degradation, Invalidity, WindowQuality};
 use ema_identify::effort::Effort;
 use ema_models::FaultId;
@@ -82,20 +82,14 @@ impl Assessor {
             let is_repeated = |handicap: &Degradation| matches!(handicap, Degradation::Repeated(_));
             suspects.extend(handicaps.iter().any(is_repeated).then_some(Suspect::RepeatedSamples));
         }
-        let mut corrected = job.clone();
-        // What is learnt holds for angles and set points that are logged as they are.
-        let is_timed = !is_learning && job.actuator.has_output_angle();
-        let older_angle = if is_timed { self.angle_time(job) } else { None };
-        if let Some(correction) = older_angle.as_ref().and_then(|finding| finding.correction) {
-            correction.apply(&mut corrected);
-        }
         let (open, mut findings): (Vec<Finding>, Vec<Finding>) =
-            examine(&corrected).into_iter().partition(|finding| finding.or_part);
-        if findings.is_empty() && is_timed {
-            findings.extend(self.setpoint_time(&corrected));
+            examine(job).into_iter().partition(|finding| finding.or_part);
+        // What is learnt holds for set points that are logged as they are.
+        if findings.is_empty() && !is_learning && job.actuator.has_output_angle() {
+            findings.extend(self.setpoint_time(job));
         }
-        report(older_angle.as_slice(), suspects, reasons);
         report(&findings, suspects, reasons);
+        let mut corrected = job.clone();
         for finding in &findings {
             match finding.correction {
                 Some(correction) => correction.apply(&mut corrected),
@@ -114,12 +108,7 @@ impl Assessor {
         };
         let grants = |assessed: &Assessed| grants_runs(effort, assessed.estimate.evaluations, job.length_s());
         let mut unchecked = false;
-        if older_angle.is_some() {
-            // No part makes one angle older than the other: the window as received is no rival.
-            assessed = self
-                .hide_gain_beside_ratio(assessed, &findings)
-                .widened(CORRECTED_FACTOR);
-        } else if !findings.is_empty() {
+        if !findings.is_empty() {
             unchecked = !grants(&assessed);
             let as_received = if unchecked {
                 None
@@ -178,12 +167,6 @@ impl Assessor {
             assessed.reasons.push(GAIN_OR_SCALE.to_owned());
         }
         assessed
-    }
-
-    /// The angle that is older than the other one.
-    fn angle_time(&self, job: &WindowJob) -> Option<Finding> {
-        let unit = self.models.unit(&job.actuator)?;
-        angle_time(job, &unit.relations.as_ref()?.commissioned)
     }
 
     /// The set point that is logged before or after its effect.

@@ -23,10 +23,6 @@ pub enum Correction {
     },
     /// The currents are those of so many samples later.
     Later(isize),
-    /// The resolver's counts are those of so many samples later, 0 or more; the window ends as much earlier.
-    MotorLater(f64),
-    /// The encoder's counts are those of so many samples later, 0 or more; the window ends as much earlier.
-    OutputLater(f64),
     /// The resolver's counts lose this many.
     ResolverZero(i64),
     /// The resolver counts the other way.
@@ -71,20 +67,6 @@ impl Correction {
                     sample.currents = *from.unwrap_or(&sample.currents);
                 }
             }
-            Self::MotorLater(by) => {
-                let counts: Vec<i64> = samples.iter().map(|sample| sample.motor_counts).collect();
-                for (n, sample) in samples.iter_mut().enumerate() {
-                    sample.motor_counts = between(&counts, n as f64 + by);
-                }
-                end_earlier(job, by);
-            }
-            Self::OutputLater(by) => {
-                let counts: Vec<i64> = samples.iter().map(|sample| sample.output_counts).collect();
-                for (n, sample) in samples.iter_mut().enumerate() {
-                    sample.output_counts = between(&counts, n as f64 + by);
-                }
-                end_earlier(job, by);
-            }
             Self::ResolverZero(counts) => {
                 for sample in samples {
                     sample.motor_counts = sample.motor_counts.saturating_sub(counts);
@@ -118,29 +100,14 @@ impl Correction {
                     let from = n.saturating_add_signed(by.saturating_neg());
                     sample.setpoint = setpoints.get(from).copied().unwrap_or(sample.setpoint);
                 }
-                job.window.trigger = job.window.trigger.saturating_add_signed(by);
-                end_earlier(job, by.min(0).unsigned_abs() as f64);
+                samples.truncate(samples.len().saturating_add_signed(by.min(0)));
+                let left = samples.len();
+                job.window.filled.retain(|&filled| filled < left);
+                job.window.trigger = job.window.trigger.saturating_add_signed(by).min(left.saturating_sub(1));
             }
             Self::NoLoad => job.conditions.load_torque_nm = None,
             Self::NoTemperature => job.conditions.winding_temp_deg_c = None,
             Self::Link(voltage) => job.conditions.dc_link_v = Some(voltage),
         }
     }
-}
-
-/// Counts at a place between samples, by a line; those of the last sample behind it.
-fn between(counts: &[i64], place: f64) -> i64 {
-    let last = counts.len().saturating_sub(1);
-    let before = (place as usize).min(last);
-    let [from, to] = [before, (before + 1).min(last)].map(|n| counts.get(n).copied().unwrap_or(0));
-    from.saturating_add(((place - before as f64).min(1.0) * to.saturating_sub(from) as f64).round() as i64)
-}
-
-/// Ends a window so many samples earlier.
-fn end_earlier(job: &mut WindowJob, by: f64) {
-    let window = &mut job.window;
-    let left = window.samples.len().saturating_sub(by.ceil() as usize);
-    window.samples.truncate(left);
-    window.filled.retain(|&filled| filled < left);
-    window.trigger = window.trigger.min(left.saturating_sub(1));
 }

@@ -14,6 +14,7 @@
 //! | `angles` | output against motor and set point: gear ratio, encoder, unit and delay of the set point |
 //! | `setpoint_time` | law of the speed loop: set point before or after its effect |
 //! | `gear_ratio` | line between the two angles: gear ratio to parts in a thousand |
+//! | `motor_time` | both angles, and currents or torque: a motor angle of another instant |
 //! | `uncut_motion` | motion that begins no window where nothing is commanded: a creep before it |
 //! | `unseen_motion` | motion that no window has: unit of the set point, mode |
 //! | `readings` | offsets, gains, latency, resolver errors and link voltage of every window, for their drift (`sensor_health`) |
@@ -28,8 +29,10 @@ mod current_equations;
 mod current_limit;
 mod currents;
 mod findings;
+mod flank;
 mod gear_ratio;
 mod least_squares;
+mod motor_time;
 mod offset_of_sum;
 mod readings;
 pub mod rivals;

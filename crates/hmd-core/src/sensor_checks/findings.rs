@@ -11,6 +11,7 @@ use super::correction::Correction;
 use super::current_limit::gain_beyond_limit;
 use super::currents::{CurrentError, ZERO_MIN, current_errors, gain_of_a_phase, offset_limit};
 use super::gear_ratio::precise_ratio;
+use super::motor_time::motor_time;
 use super::offset_of_sum::{SumOffset, offset_of_sum};
 use super::signals::Signals;
 use super::suspect::{Suspect, Suspicion};
@@ -62,6 +63,11 @@ pub fn examine(job: &WindowJob) -> Vec<Finding> {
         return vec![of_frozen(&frozen)];
     }
     let ratio = output_over_motor(&signals, params);
+    if job.actuator.has_output_angle()
+        && let Some(time) = motor_time(&signals, params)
+    {
+        return vec![time.into()];
+    }
     if let Some(far) = far_zero(&signals, params) {
         return vec![of_far_zero(params, &far)];
     }
@@ -211,11 +217,7 @@ fn of_wiring(params: &ActuatorParams, found: &OnTorqueAxis, configured: f64) -> 
             ),
             Some(Correction::PolePairs(pole_pairs)),
         ),
-        Wiring::CurrentsLate(late) => (
-            Suspect::SampleOrder,
-            format!("the currents seem to be {late} sample late"),
-            Some(Correction::Later(late)),
-        ),
+        Wiring::CurrentsLate(late) => (Suspect::SampleOrder, currents_late(late), Some(Correction::Later(late))),
         Wiring::Right => (Suspect::PhaseOrder, String::new(), None),
     };
     Finding::new(suspect, &format!("{what}: {shares}"), correction)
@@ -226,6 +228,13 @@ fn of_far_zero(params: &ActuatorParams, far: &FarZero) -> Finding {
     let ahead = far.ahead.to_degrees();
     let evidence = format!(
         "{ahead:+.1}° electrical ahead of the rotor: {:.0} % of the current lies on the torque axis then",
+/// Currents that are so many samples older than the angles, in words.
+fn currents_late(late: isize) -> String {
+    let (what, count) = (if late > 0 { "currents" } else { "angles" }, late.unsigned_abs());
+    let samples = if count == 1 { "sample" } else { "samples" };
+    format!("the {what} seem to be {count} {samples} late")
+}
+
         100.0 * far.share
     );
     let mut finding = Finding::new(
@@ -249,10 +258,8 @@ fn of_far_zero(params: &ActuatorParams, far: &FarZero) -> Finding {
             format!("all seem reversed, and the resolver {half_turn_less:+.1}° electrical ahead of the rotor");
         others.push(suspicion(Suspect::CurrentSign, &evidence));
     }
-    others.extend(far.or_late.map(|late| {
-        let evidence = format!("the currents seem to be {late} sample late");
-        suspicion(Suspect::SampleOrder, &evidence)
-    }));
+    let or_late = far.or_late.map(currents_late);
+    others.extend(or_late.map(|evidence| suspicion(Suspect::SampleOrder, &evidence)));
     finding
 }
 

@@ -28,6 +28,7 @@ mod serial;
 mod serial_rig;
 mod service;
 mod settings;
+mod shifted_motor_angle;
 mod shifted_set_point;
 mod simulate;
 mod terminal_rig;

@@ -11,6 +11,7 @@ use ema_models::{Comparison, Conditions, FAULT_COUNT, FaultId, Tolerances};
 
 use super::by_signals::{BySignals, CORRECTED_FACTOR, in_words};
 use super::by_unit::{self, Assessed, OF_THE_ROTOR};
+use super::coarse_setpoint::with_coarse_setpoint;
 use super::{AssessError, Assessor, conditions, unseen};
 use crate::config::SearchMethod;
 use crate::motion::{ONE_WAY_FACTOR, moves_one_way};
@@ -209,7 +210,9 @@ impl Assessor {
         conditions: Conditions,
         effort: &Effort<'_>,
     ) -> Result<Option<Assessed>, AssessError> {
-        let mut found = self.estimate_of_all(job, conditions, effort)?;
+        let seen = self.models.unit(&job.actuator).map(|unit| &unit.seen);
+        let found = self.estimate_of_all(job, conditions, effort)?;
+        let mut found = found.map(|assessed| with_coarse_setpoint(assessed, job, seen));
         if let (Some(assessed), Some(log)) = (&mut found, &job.actuator.log) {
             let estimate = &mut assessed.estimate;
             for fault in log.gaps().flat_map(|gap| gap.hides()) {

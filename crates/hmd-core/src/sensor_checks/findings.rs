@@ -87,7 +87,7 @@ pub fn examine(job: &WindowJob) -> Vec<Finding> {
     if findings.is_empty() {
         // Without an encoder no zero of one is wrong.
         let error = setpoint_error(&signals, params, job.window.trigger)
-            .filter(|error| job.actuator.has_output_angle() || !matches!(error, SetpointError::Zero(_)));
+            .filter(|error| job.actuator.has_output_angle() || !is_of_zero(error));
         findings.extend(error.map(|error| of_setpoint(params, error)));
     }
     let tolerances = tolerances_of_sensors(&job.actuator.tolerances);
@@ -125,6 +125,11 @@ pub fn examine(job: &WindowJob) -> Vec<Finding> {
         findings.extend(gain_beyond_limit(&signals, tolerances).map(|gain| of_limit(params, gain)));
     }
     findings
+}
+
+/// Whether an encoder's zero would show so.
+fn is_of_zero(error: &SetpointError) -> bool {
+    matches!(error, SetpointError::Zero(_) | SetpointError::ZeroOrScale(_))
 }
 
 /// The link, where a vector drive lacks voltage that is read; comparators are in the monitor.
@@ -223,11 +228,6 @@ fn of_wiring(params: &ActuatorParams, found: &OnTorqueAxis, configured: f64) -> 
     Finding::new(suspect, &format!("{what}: {shares}"), correction)
 }
 
-/// A far zero, and every wiring that turns the currents alike: all reversed by half a turn, phases in cyclic order by a third.
-fn of_far_zero(params: &ActuatorParams, far: &FarZero) -> Finding {
-    let ahead = far.ahead.to_degrees();
-    let evidence = format!(
-        "{ahead:+.1}° electrical ahead of the rotor: {:.0} % of the current lies on the torque axis then",
 /// Currents that are so many samples older than the angles, in words.
 fn currents_late(late: isize) -> String {
     let (what, count) = (if late > 0 { "currents" } else { "angles" }, late.unsigned_abs());
@@ -235,6 +235,11 @@ fn currents_late(late: isize) -> String {
     format!("the {what} seem to be {count} {samples} late")
 }
 
+/// A far zero, and every wiring that turns the currents alike: all reversed by half a turn, phases in cyclic order by a third.
+fn of_far_zero(params: &ActuatorParams, far: &FarZero) -> Finding {
+    let ahead = far.ahead.to_degrees();
+    let evidence = format!(
+        "{ahead:+.1}° electrical ahead of the rotor: {:.0} % of the current lies on the torque axis then",
         100.0 * far.share
     );
     let mut finding = Finding::new(
@@ -368,6 +373,19 @@ fn of_setpoint(params: &ActuatorParams, error: SetpointError) -> Finding {
             &format!("the motor turns at {speed:.0} rad/s before the set point moves"),
             None,
         ),
+        SetpointError::SetpointScale(scale) => Finding::new(
+            Suspect::SetpointUnit,
+            &format!(
+                "it moves {scale:.3} times as far as the output, from rest to rest, and the drive makes no torque"
+            ),
+            Some(Correction::Setpoint(scale)),
+        ),
+        SetpointError::ZeroOrScale(error) => {
+            let mut finding = of_setpoint(params, SetpointError::Zero(error));
+            let evidence = "another scale of it looks the same where no rest follows";
+            finding.suspicions.push(suspicion(Suspect::SetpointUnit, evidence));
+            finding
+        }
         SetpointError::Zero(error) => {
             let counts = (-error / params.sensors.output_lsb()).round() as i64;
             let evidence = format!(

@@ -203,7 +203,7 @@ const MOVING: f64 = 0.05;
 
 /// Checks the set point of a window in position mode; its first `rest` samples precede the trigger.
 pub(super) fn setpoint_error(signals: &Signals, params: &ActuatorParams, rest: usize) -> Option<SetpointError> {
-    let scale = followed(signals, params);
+    let scale = followed(signals, params, rest);
     if let Some(SetpointError::Unit(_) | SetpointError::Reversed) = scale {
         return scale;
     }
@@ -308,7 +308,7 @@ const SAME_ZERO: f64 = 0.1;
 
 /// How the output follows the set point, once a motion has ended that the window begins in: it belongs to an earlier command. How far
 /// the output had to go is then unknown, and the direction is all that is checked.
-fn followed(signals: &Signals, params: &ActuatorParams) -> Option<SetpointError> {
+fn followed(signals: &Signals, params: &ActuatorParams, rest: usize) -> Option<SetpointError> {
     let omega = signals.rows.first()?.omega_m;
     let slow = MOVING * params.controller.omega_max;
     let begins_at_rest = omega.abs() <= slow;
@@ -346,7 +346,9 @@ fn followed(signals: &Signals, params: &ActuatorParams) -> Option<SetpointError>
         .all(|&x| (x - max).abs().min((x - min).abs()) < HELD_RAD);
     let (last, row) = (commanded.last()?, rows.last()?);
     let missed = last - first_setpoint - (row.theta_out - first_output);
-    (begins_at_rest && stands && held && missed.abs() > SCALE_ERROR * setpoint)
+    // Only where the motor stood at first is all of the motion that of the set point.
+    let begin = signals.rows.get(..rest.max(2))?;
+    (Rest::of(signals, params, begin).is_some() && stands && held && missed.abs() > SCALE_ERROR * setpoint)
         .then_some(SetpointError::Scale(output / setpoint))
 }
 
@@ -464,5 +466,29 @@ mod tests {
             matches!(found, Some(SetpointError::Zero(zero)) if (zero + 0.02).abs() < 1e-3),
             "{found:?}"
         );
+    }
+
+    #[test]
+    fn an_output_that_creeps_on_when_a_window_begins_shows_no_scale() {
+        let mut params = ActuatorParams::bench();
+        params.sensors.sample_rate = 2000.0;
+        // It is 50 mrad behind a set point that stood for 20 ms, and creeps, when the next one comes.
+        let samples = (0..1000_u64).map(|seq| {
+            let t = seq as f64 / 2000.0;
+            let angle = match t - 0.02 {
+                moved if moved > 0.0 => 0.2 - 0.149 * (-25.0 * moved).exp(),
+                _ => 0.05 + 0.05 * t,
+            };
+            SensedSample {
+                seq,
+                currents: [0.0; 3],
+                motor_counts: (angle * params.transmission.gear_ratio / params.sensors.motor_lsb()) as i64,
+                output_counts: (angle / params.sensors.output_lsb()) as i64,
+                setpoint: Setpoint::Position(if seq < 40 { 0.1 } else { 0.2 }),
+            }
+        });
+        let samples: Vec<SensedSample> = samples.collect();
+        let found = setpoint_error(&Signals::new(&params, &samples, &[]), &params, 40);
+        assert!(!matches!(found, Some(SetpointError::Scale(_))), "{found:?}");
     }
 }

@@ -178,7 +178,7 @@ pub(crate) const UNMODELLED_COST: f64 = 15.0;
 const BACK_EMF_OFF: f64 = 0.15;
 
 /// A parameter with a larger standard deviation is not observable.
-pub(crate) const OBSERVABLE_SIGMA: f64 = 0.1;
+pub const OBSERVABLE_SIGMA: f64 = 0.1;
 
 #[cfg(all(test, feature = "std"))]
 mod tests {

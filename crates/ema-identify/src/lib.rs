@@ -44,7 +44,7 @@ pub mod unit_fit;
 #[cfg(feature = "std")]
 pub mod unit_parameters_fit;
 
-pub use estimate::{Estimate, LOCKED, Unmodelled, is_unmodelled};
+pub use estimate::{Estimate, LOCKED, OBSERVABLE_SIGMA, Unmodelled, is_unmodelled};
 #[cfg(feature = "std")]
 pub use identifier::{Fit, Identifier, Method, comparison};
 #[cfg(feature = "std")]

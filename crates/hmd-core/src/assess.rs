@@ -5,6 +5,7 @@
 
 mod by_signals;
 mod by_unit;
+mod coarse_setpoint;
 mod conditions;
 mod estimator;
 mod explained;
@@ -34,6 +35,7 @@ use explained::Explained;
 use records::{health_record, rul_record, sensors_record, shortened_record, window_record};
 
 pub(crate) use by_unit::needed_in_words;
+pub(crate) use coarse_setpoint::gain_sigma;
 pub use ema_identify::LOCKED;
 
 pub use conditions::{conditions, motor_knowledge_at, motor_within};

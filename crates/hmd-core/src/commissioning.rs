@@ -18,7 +18,7 @@ use ema_identify::unit_fit::WINDOWS_MIN;
 use ema_identify::{is_unmodelled, output_zero};
 use ema_models::{ActuatorParams, DriveKind, FaultId};
 
-use crate::assess::{AssessError, Assessor, conditions, hash_of_type};
+use crate::assess::{AssessError, Assessor, conditions, gain_sigma, hash_of_type};
 use crate::health::Levels;
 use crate::motion::motion_of;
 use crate::outbox::WindowJob;
@@ -221,6 +221,7 @@ pub fn calibrate_unit(
     if let Some(log) = &actuator.log {
         evidence.hide(log.gaps().flat_map(|gap| gap.hides()));
     }
+    evidence.widen(FaultId::Gain, gain_sigma(&jobs[0].params, seen.setpoint_held_s));
     let mut notes = Vec::new();
     if let (UnitEstimator::Relations, Some(monitor)) = (estimator, &by_monitor)
         && let Some(far) = monitor.far_parameter(&jobs[0])

@@ -42,6 +42,7 @@ pub mod sample;
 pub mod seed;
 pub mod sensor_checks;
 pub mod sensor_health;
+mod setpoint_hold;
 pub mod setting;
 mod step_width;
 pub mod talker;

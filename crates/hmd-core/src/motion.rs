@@ -5,6 +5,7 @@ use ema_models::{FRICTION_TEMPERATURE_SPAN_K, SensedSample};
 use ema_wire::quantity::current_a;
 
 use crate::outbox::WindowJob;
+use crate::setpoint_hold::held_s;
 use crate::step_width::step_width;
 
 /// Conditions and motion of a window, to be compared with those of commissioning.
@@ -15,6 +16,7 @@ pub(crate) fn motion_of(job: &WindowJob) -> Motion {
         load_torque: job.conditions.load_torque_nm,
         steps: steps(job),
         has_output_angle: job.actuator.has_output_angle(),
+        setpoint_held_s: held_s(&job.window.samples, job.params.sensors.sample_rate),
         ..Motion::of(&job.params, &job.window.samples)
     }
 }

@@ -14,6 +14,7 @@
 //! | `angles` | output against motor and set point: gear ratio, encoder, unit and delay of the set point |
 //! | `setpoint_time` | law of the speed loop: set point before or after its effect |
 //! | `gear_ratio` | line between the two angles: gear ratio to parts in a thousand |
+//! | `motor_time` | both angles, and currents or torque: a motor angle of another instant |
 //! | `motions_without_window` | motion that begins no window where nothing is commanded: a creep before it |
 //! | `unseen_motion` | motion that no window has: unit of the set point, mode |
 //! | `moved` | travel and current that are a motion, for both of these |
@@ -29,9 +30,11 @@ mod current_equations;
 mod current_limit;
 mod currents;
 mod findings;
+mod flank;
 mod gear_ratio;
 mod least_squares;
 mod motions_without_window;
+mod motor_time;
 mod moved;
 mod offset_of_sum;
 mod readings;

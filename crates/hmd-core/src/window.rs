@@ -20,6 +20,7 @@ mod config;
 mod counters;
 mod fill;
 mod glitch;
+mod held;
 mod jitter;
 mod limits;
 mod quality;

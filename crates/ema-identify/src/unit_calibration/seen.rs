@@ -32,6 +32,8 @@ pub struct Motion {
     pub steps: [f64; 3],
     /// Whether the output angle is measured; else it is that of the motor behind a rigid gear.
     pub has_output_angle: bool,
+    /// Time for which the set point stands beyond a sample period while it moves, s.
+    pub setpoint_held_s: f64,
 }
 
 impl Motion {
@@ -64,6 +66,7 @@ impl Motion {
             sample_rate_hz: params.sensors.sample_rate,
             steps: [0.0; 3],
             has_output_angle: true,
+            setpoint_held_s: 0.0,
         }
     }
 }
@@ -96,10 +99,20 @@ pub struct Seen {
     /// Whether no output angle was measured.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub no_output_angle: bool,
+    /// Longest time for which the set point of a window stands beyond a sample period while it moves, s; without it the set point moves with
+    /// every sample, or the file is older.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub setpoint_held_s: f64,
     /// Twelfths of an electrical turn in which the rotor stood at the beginning of a window that goes backward, and of one that goes forward;
     /// without it a window may begin anywhere.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rotor_sectors: Option<[[bool; SECTORS]; 2]>,
+}
+
+/// Whether a time is none.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
+fn is_none(time: &f64) -> bool {
+    *time <= 0.0
 }
 
 /// Sectors of an electrical turn, and how many of them are many.
@@ -196,6 +209,7 @@ impl Seen {
                 steps.filter(|step| *step > 0.0).reduce(f64::min).unwrap_or(0.0)
             }),
             no_output_angle: !windows.iter().any(|window| window.has_output_angle),
+            setpoint_held_s: windows.iter().map(|window| window.setpoint_held_s).fold(0.0, f64::max),
             rotor_sectors: None,
         }
     }
@@ -370,6 +384,7 @@ mod tests {
             sample_rate_hz: 2000.0,
             steps: [1e-3, 1.0, 1.0],
             has_output_angle: true,
+            setpoint_held_s: 0.0,
         };
         let seen = Seen::of(&[
             usual,

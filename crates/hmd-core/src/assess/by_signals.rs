@@ -179,7 +179,7 @@ impl Assessor {
                 if unit.seen.no_output_angle && job.actuator.has_output_angle() {
                     return None;
                 }
-                setpoint_time(job, Some((relations, unit.seen.sample_rate_hz)))
+                setpoint_time(job, Some((relations, &unit.seen)))
             }
         }
     }

@@ -11,6 +11,7 @@ use ema_models::{Comparison, Conditions, FAULT_COUNT, FaultId, Tolerances};
 
 use super::by_signals::{BySignals, CORRECTED_FACTOR, in_words};
 use super::by_unit::{self, Assessed, OF_THE_ROTOR};
+use super::coarse_setpoint::with_coarse_setpoint;
 use super::{AssessError, Assessor, conditions, unseen};
 use crate::config::SearchMethod;
 use crate::log_map::LogMap;
@@ -219,9 +220,11 @@ impl Assessor {
         conditions: Conditions,
         effort: &Effort<'_>,
     ) -> Result<Option<Assessed>, AssessError> {
-        let Some(mut assessed) = self.estimate_of_all(job, conditions, effort)? else {
+        let seen = self.models.unit(&job.actuator).map(|unit| &unit.seen);
+        let Some(assessed) = self.estimate_of_all(job, conditions, effort)? else {
             return Ok(None);
         };
+        let mut assessed = with_coarse_setpoint(assessed, job, seen);
         for gap in job.actuator.log.as_deref().into_iter().flat_map(LogMap::gaps) {
             assessed = assessed.without(gap.hides());
         }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use ema_identify::OBSERVABLE_SIGMA;
 use ema_identify::unit_calibration::NORMAL_999;
 use ema_models::FaultId;
 
@@ -48,6 +49,13 @@ impl Evidence {
         for fault in faults {
             self.sigma[fault.index()] = None;
         }
+    }
+
+    /// With another standard deviation of a fault's parameter; it is not shown where that alone hides it.
+    pub(super) fn widen(&mut self, fault: FaultId, sigma: f64) {
+        let other = fault.damage_per_change() * sigma;
+        let own = &mut self.sigma[fault.index()];
+        *own = own.filter(|_| other <= OBSERVABLE_SIGMA).map(|own| own.hypot(other));
     }
 
     /// Whether the estimator can assess the unit at all.

@@ -180,6 +180,10 @@ pub(super) enum SetpointError {
     Late(f64),
     /// At rest the output is this far from the set point, rad, and the drive makes no torque.
     Zero(f64),
+    /// The same, but the motion does not end in a rest that tells a zero from another scale of the set point.
+    ZeroOrScale(f64),
+    /// From rest to rest the set point moves so many times as far as the output, which the drive does not see.
+    SetpointScale(f64),
 }
 
 /// Largest ratio of set point and output that no unit explains.
@@ -199,7 +203,7 @@ const MOVING: f64 = 0.05;
 
 /// Checks the set point of a window in position mode; its first `rest` samples precede the trigger.
 pub(super) fn setpoint_error(signals: &Signals, params: &ActuatorParams, rest: usize) -> Option<SetpointError> {
-    let scale = followed(signals, params);
+    let scale = followed(signals, params, rest);
     if let Some(SetpointError::Unit(_) | SetpointError::Reversed) = scale {
         return scale;
     }
@@ -219,21 +223,92 @@ pub(super) fn setpoint_error(signals: &Signals, params: &ActuatorParams, rest: u
             return Some(SetpointError::Late(speed));
         }
     }
-    let largest = params.motor.torque_gain() * params.motor.i_max;
-    let asked = (controller.g_p * first).clamp(-controller.omega_max, controller.omega_max) * controller.k_p;
-    let asked = asked.clamp(-largest, largest).abs();
-    let torque: f64 = at_rest.iter().map(|row| signals.i_dq(row)[1]).sum::<f64>() / at_rest.len() as f64;
-    let torque = (params.motor.torque_gain() * torque).abs();
-    let stands = turned.abs() < 4.0 * params.sensors.motor_lsb().max(params.sensors.output_lsb());
-    if stands && asked > ASKED * (torque + params.transmission.friction_static) {
-        return Some(SetpointError::Zero(first));
-    }
-    scale
+    unseen_deviation(signals, params, at_rest).or(scale)
 }
+
+/// A rest of the motor.
+#[derive(Clone, Copy, Debug)]
+struct Rest {
+    /// Set point less output angle at its first sample, rad.
+    deviation: f64,
+    /// Whether the drive makes no torque against it.
+    is_unseen: bool,
+}
+
+impl Rest {
+    /// Of consecutive samples; `None` where the motor turns.
+    fn of(signals: &Signals, params: &ActuatorParams, rows: &[Row]) -> Option<Self> {
+        let (begin, end) = (rows.first()?, rows.last()?);
+        let turned = end.theta_m - begin.theta_m;
+        if turned.abs() >= STANDS_COUNTS * params.sensors.motor_lsb().max(params.sensors.output_lsb()) {
+            return None;
+        }
+        let deviation = commanded_angle(begin.setpoint)? - begin.theta_out;
+        let controller = &params.controller;
+        let torque_gain = params.motor.torque_gain();
+        let largest = torque_gain * params.motor.i_max;
+        let speed = (controller.g_p * deviation).clamp(-controller.omega_max, controller.omega_max);
+        let asked = (speed * controller.k_p).clamp(-largest, largest).abs();
+        let current = rows.iter().map(|row| signals.i_dq(row)[1]).sum::<f64>() / rows.len() as f64;
+        let torque = (torque_gain * current).abs();
+        Some(Self {
+            deviation,
+            is_unseen: asked > ASKED * (torque + params.transmission.friction_static),
+        })
+    }
+}
+
+/// A deviation of the output at rest that the drive does not see. A zero is the same at both ends of a motion, that of another scale goes with
+/// the set point.
+fn unseen_deviation(signals: &Signals, params: &ActuatorParams, at_rest: &[Row]) -> Option<SetpointError> {
+    let rows = &signals.rows;
+    let stands = ((STANDS_S * signals.rate_hz).round() as usize).max(2);
+    let at_end = rows.get(rows.len().checked_sub(stands)?..)?;
+    let is_held = |rows: &[Row]| {
+        let (least, most) = range(rows.iter().map(|row| commanded_angle(row.setpoint).unwrap_or(f64::NAN)));
+        most - least < HELD_RAD
+    };
+    let begin = Rest::of(signals, params, at_rest)?;
+    let Some(end) = Rest::of(signals, params, at_end).filter(|_| is_held(at_end)) else {
+        let error = if may_be_scale(at_rest.first()?) {
+            SetpointError::ZeroOrScale(begin.deviation)
+        } else {
+            SetpointError::Zero(begin.deviation)
+        };
+        return begin.is_unseen.then_some(error);
+    };
+    if !begin.is_unseen && !end.is_unseen {
+        return None;
+    }
+    let commanded = commanded_angle(rows.last()?.setpoint)? - commanded_angle(rows.first()?.setpoint)?;
+    let change = end.deviation - begin.deviation;
+    let counts = END_COUNTS * params.sensors.output_lsb();
+    if change.abs() < counts + SAME_ZERO * begin.deviation.abs() {
+        return begin.is_unseen.then_some(SetpointError::Zero(begin.deviation));
+    }
+    (commanded.abs() > HELD_RAD && commanded - change != 0.0)
+        .then(|| SetpointError::SetpointScale(commanded / (commanded - change)))
+}
+
+/// Whether a scale that a set point may have explains its distance from an output at rest.
+fn may_be_scale(row: &Row) -> bool {
+    let scale = commanded_angle(row.setpoint).map(|commanded| commanded / row.theta_out);
+    scale.is_some_and(|scale| SCALE_POSSIBLE.contains(&scale))
+}
+
+/// Scales of a set point that are no matter of another unit.
+const SCALE_POSSIBLE: std::ops::Range<f64> = 0.5..2.0;
+
+/// Counts by which a motor at rest turns.
+const STANDS_COUNTS: f64 = 4.0;
+
+/// Counts of the encoder by which two rests at one set point differ, and the share of an encoder's zero.
+const END_COUNTS: f64 = 4.0;
+const SAME_ZERO: f64 = 0.1;
 
 /// How the output follows the set point, once a motion has ended that the window begins in: it belongs to an earlier command. How far
 /// the output had to go is then unknown, and the direction is all that is checked.
-fn followed(signals: &Signals, params: &ActuatorParams) -> Option<SetpointError> {
+fn followed(signals: &Signals, params: &ActuatorParams, rest: usize) -> Option<SetpointError> {
     let omega = signals.rows.first()?.omega_m;
     let slow = MOVING * params.controller.omega_max;
     let begins_at_rest = omega.abs() <= slow;
@@ -271,7 +346,9 @@ fn followed(signals: &Signals, params: &ActuatorParams) -> Option<SetpointError>
         .all(|&x| (x - max).abs().min((x - min).abs()) < HELD_RAD);
     let (last, row) = (commanded.last()?, rows.last()?);
     let missed = last - first_setpoint - (row.theta_out - first_output);
-    (begins_at_rest && stands && held && missed.abs() > SCALE_ERROR * setpoint)
+    // Only where the motor stood at first is all of the motion that of the set point.
+    let begin = signals.rows.get(..rest.max(2))?;
+    (Rest::of(signals, params, begin).is_some() && stands && held && missed.abs() > SCALE_ERROR * setpoint)
         .then_some(SetpointError::Scale(output / setpoint))
 }
 
@@ -352,5 +429,66 @@ mod tests {
             (frozen.speed - 100.0).abs() < 1.0 && frozen.torque_share > 10.0,
             "{frozen:?}"
         );
+    }
+
+    /// A motion of the output from rest to rest, without current, under a set point of this scale and an encoder of this zero, rad; where
+    /// `rests` is false it moves on to the end.
+    fn setpoint(scale: f64, zero: f64, rests: bool) -> Option<SetpointError> {
+        let mut params = ActuatorParams::bench();
+        params.sensors.sample_rate = 2000.0;
+        let samples = (0..1000_u64).map(|seq| {
+            let end = if rests { 600.0 } else { 1100.0 };
+            let angle = 0.2 + 0.3 * ((seq as f64 - 100.0) / (end - 100.0)).clamp(0.0, 1.0);
+            SensedSample {
+                seq,
+                currents: [0.0; 3],
+                motor_counts: (angle * params.transmission.gear_ratio / params.sensors.motor_lsb()) as i64,
+                output_counts: ((angle + zero) / params.sensors.output_lsb()).round() as i64,
+                setpoint: Setpoint::Position(scale * angle),
+            }
+        });
+        let samples: Vec<SensedSample> = samples.collect();
+        setpoint_error(&Signals::new(&params, &samples, &[]), &params, 40)
+    }
+
+    #[test]
+    fn a_zero_stays_where_the_set_point_goes_and_another_scale_goes_with_it() {
+        assert_eq!(setpoint(1.0, 0.0, true), None);
+        for scale in [1.1, 0.95] {
+            let found = setpoint(scale, 0.0, true);
+            let is_right = matches!(found, Some(SetpointError::SetpointScale(found)) if (found - scale).abs() < 0.005);
+            assert!(is_right, "{scale}: {found:?}");
+            let open = setpoint(scale, 0.0, false);
+            assert!(matches!(open, Some(SetpointError::ZeroOrScale(_))), "{scale}: {open:?}");
+        }
+        let found = setpoint(1.0, 0.02, true);
+        assert!(
+            matches!(found, Some(SetpointError::Zero(zero)) if (zero + 0.02).abs() < 1e-3),
+            "{found:?}"
+        );
+    }
+
+    #[test]
+    fn an_output_that_creeps_on_when_a_window_begins_shows_no_scale() {
+        let mut params = ActuatorParams::bench();
+        params.sensors.sample_rate = 2000.0;
+        // It is 50 mrad behind a set point that stood for 20 ms, and creeps, when the next one comes.
+        let samples = (0..1000_u64).map(|seq| {
+            let t = seq as f64 / 2000.0;
+            let angle = match t - 0.02 {
+                moved if moved > 0.0 => 0.2 - 0.149 * (-25.0 * moved).exp(),
+                _ => 0.05 + 0.05 * t,
+            };
+            SensedSample {
+                seq,
+                currents: [0.0; 3],
+                motor_counts: (angle * params.transmission.gear_ratio / params.sensors.motor_lsb()) as i64,
+                output_counts: (angle / params.sensors.output_lsb()) as i64,
+                setpoint: Setpoint::Position(if seq < 40 { 0.1 } else { 0.2 }),
+            }
+        });
+        let samples: Vec<SensedSample> = samples.collect();
+        let found = setpoint_error(&Signals::new(&params, &samples, &[]), &params, 40);
+        assert!(!matches!(found, Some(SetpointError::Scale(_))), "{found:?}");
     }
 }

@@ -2,7 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use ema_models::Setpoint;
+use ema_models::{Setpoint, abc_from_alpha_beta, alpha_beta_from_abc};
 
 use crate::outbox::WindowJob;
 
@@ -23,6 +23,13 @@ pub enum Correction {
     },
     /// The currents are those of so many samples later.
     Later(isize),
+    /// The motor angle is that of so many samples later; where it is, the window ends as much earlier.
+    MotorAngle {
+        /// Samples.
+        late: isize,
+        /// Whether the currents were logged in the rotor's frame, so that they turn with it.
+        turns_currents: bool,
+    },
     /// The resolver's counts lose this many.
     ResolverZero(i64),
     /// The resolver counts the other way.
@@ -47,6 +54,14 @@ pub enum Correction {
     Link(f64),
 }
 
+/// Phase currents whose space vector is turned by an electrical angle, rad.
+fn turned_by(currents: [f64; 3], angle: f64) -> [f64; 3] {
+    let (sin, cos) = angle.sin_cos();
+    let mean = currents.iter().sum::<f64>() / 3.0;
+    let [alpha, beta] = alpha_beta_from_abc(currents);
+    abc_from_alpha_beta([alpha * cos - beta * sin, alpha * sin + beta * cos]).map(|current| current + mean)
+}
+
 impl Correction {
     /// Takes the mistake out of a window.
     pub fn apply(self, job: &mut WindowJob) {
@@ -66,6 +81,30 @@ impl Correction {
                     let from = n.checked_add_signed(by).and_then(|n| currents.get(n));
                     sample.currents = *from.unwrap_or(&sample.currents);
                 }
+            }
+            Self::MotorAngle { late, turns_currents } => {
+                let (angles, rad_per_count) = (
+                    samples.iter().map(|sample| sample.motor_counts).collect::<Vec<i64>>(),
+                    job.params.motor.pole_pairs * job.params.sensors.motor_lsb(),
+                );
+                for (n, sample) in samples.iter_mut().enumerate() {
+                    let counts = angles.get(n.saturating_add_signed(late)).copied();
+                    let counts = counts.unwrap_or(sample.motor_counts);
+                    if turns_currents {
+                        let turned = counts.saturating_sub(sample.motor_counts) as f64 * rad_per_count;
+                        sample.currents = turned_by(sample.currents, turned);
+                    }
+                    sample.motor_counts = counts;
+                }
+                let left = samples.len().saturating_add_signed(late.saturating_neg().min(0));
+                samples.truncate(left);
+                let filled = &mut job.window.filled;
+                let of_angle: Vec<usize> = filled.iter().filter_map(|n| n.checked_add_signed(-late)).collect();
+                filled.extend(of_angle);
+                filled.sort_unstable();
+                filled.dedup();
+                filled.retain(|&filled| filled < left);
+                job.window.trigger = job.window.trigger.min(left.saturating_sub(1));
             }
             Self::ResolverZero(counts) => {
                 for sample in samples {

@@ -13,6 +13,7 @@ use super::correction::Correction;
 use super::current_limit::gain_beyond_limit;
 use super::currents::{CurrentError, current_errors, gain_of_a_phase, offset_limit};
 use super::gear_ratio::precise_ratio;
+use super::motor_time::motor_time;
 use super::signals::Signals;
 use super::suspect::{Suspect, Suspicion};
 use super::torque::{Balance, balance};
@@ -62,6 +63,11 @@ pub fn examine(job: &WindowJob) -> Vec<Finding> {
         return vec![of_frozen(&frozen)];
     }
     let ratio = output_over_motor(&signals, params);
+    if job.actuator.has_output_angle()
+        && let Some(time) = motor_time(&signals, params)
+    {
+        return vec![time.into()];
+    }
     if let Some(far) = far_zero(&signals, params) {
         return vec![of_far_zero(params, &far)];
     }
@@ -81,7 +87,7 @@ pub fn examine(job: &WindowJob) -> Vec<Finding> {
     if findings.is_empty() {
         // Without an encoder no zero of one is wrong.
         let error = setpoint_error(&signals, params, job.window.trigger)
-            .filter(|error| job.actuator.has_output_angle() || !matches!(error, SetpointError::Zero(_)));
+            .filter(|error| job.actuator.has_output_angle() || !is_of_zero(error));
         findings.extend(error.map(|error| of_setpoint(params, error)));
     }
     let tolerances = tolerances_of_sensors(&job.actuator.tolerances);
@@ -119,6 +125,11 @@ pub fn examine(job: &WindowJob) -> Vec<Finding> {
         findings.extend(gain_beyond_limit(&signals, tolerances).map(|gain| of_limit(params, gain)));
     }
     findings
+}
+
+/// Whether an encoder's zero would show so.
+fn is_of_zero(error: &SetpointError) -> bool {
+    matches!(error, SetpointError::Zero(_) | SetpointError::ZeroOrScale(_))
 }
 
 /// The link, where a vector drive lacks voltage that is read; comparators are in the monitor.

@@ -7,11 +7,9 @@
 
 use ema_models::ActuatorParams;
 
+use super::flank::{Flank, REVERSAL_COUNTS};
 use super::least_squares::fit;
 use super::signals::Signals;
-
-/// Counts of the encoder by which the motor turns back before it pushes the other flank.
-const REVERSAL_COUNTS: f64 = 2.0;
 
 /// Residual, root mean square, that counts of an encoder make, counts: 1/√12, with what filled samples add.
 const OF_COUNTS: f64 = 0.4;
@@ -35,6 +33,13 @@ const AGE_SAMPLES: f64 = 2.0;
 /// Standard deviations of the fit.
 const SIGMAS: f64 = 4.0;
 
+/// Bending of the softest gear at the output by each ampere, rad/A.
+pub(super) fn bending(params: &ActuatorParams) -> f64 {
+    let motor = &params.motor;
+    let stiffness = SOFT_RAD_S * SOFT_RAD_S * SOFT_INERTIA_SHARE * motor.j;
+    motor.torque_gain() / (stiffness * params.transmission.gear_ratio)
+}
+
 /// What the output turns for each turn of the motor, times the gear ratio, with its standard deviation, where that is clearly not 1.
 pub(super) fn precise_ratio(signals: &Signals, params: &ActuatorParams) -> Option<(f64, f64)> {
     let count = params.sensors.output_lsb();
@@ -45,24 +50,15 @@ pub(super) fn precise_ratio(signals: &Signals, params: &ActuatorParams) -> Optio
         let [_, i_q] = signals.i_dq(row);
         (motor, row.theta_out - first.theta_out, row.omega_m / gear_ratio, i_q)
     });
-    // The flank, and the farthest angle on it.
-    let (mut flank, mut farthest) = (0.0, 0.0);
+    let mut of_motor = Flank::default();
     let rows = angles.filter_map(|(motor, output, speed, i_q)| {
-        if flank * (motor - farthest) >= 0.0 && flank != 0.0 {
-            farthest = motor;
-        } else if (motor - farthest).abs() > REVERSAL_COUNTS * count {
-            flank = (motor - farthest).signum();
-            farthest = motor;
-        }
+        let flank = of_motor.follow(motor, REVERSAL_COUNTS * count);
         (flank != 0.0).then_some(([1.0, motor, 0.5 * flank, speed, -i_q], output - motor))
     });
     let (free, age) = ((0.0, f64::INFINITY), 1.0 / signals.rate_hz);
     // A motion one way has one flank, which is as good as the constant.
     let play = (0.0, signals.span(|row| row.theta_out).max(count));
-    let motor = &params.motor;
-    let stiffness = SOFT_RAD_S * SOFT_RAD_S * SOFT_INERTIA_SHARE * motor.j;
-    let bending = motor.torque_gain() / (stiffness * gear_ratio);
-    let found = fit(rows, [free, free, play, (0.0, age), (0.0, bending)], 1.0)?;
+    let found = fit(rows, [free, free, play, (0.0, age), (0.0, bending(params))], 1.0)?;
     let (error, sigma) = (found.value[1], found.sigma[1]);
     let travel = signals.span(|row| row.theta_m) / gear_ratio;
     let explained = (OF_COUNTS * count).hypot(OF_ERROR * error * travel);

@@ -4,11 +4,13 @@
 //! then again with the set point moved by it, until less than a sample is left.
 
 use ema_identify::relations::{CommissionedRelations, SetpointDelay, SinceCommissioning, setpoint_delay};
+use ema_identify::unit_calibration::Seen;
 
 use super::correction::Correction;
 use super::findings::Finding;
 use super::suspect::Suspect;
 use crate::outbox::WindowJob;
+use crate::setpoint_hold::{held_s, time_sigma};
 
 /// Longest time, s, that is looked for.
 const LONGEST_S: f64 = 15e-3;
@@ -41,19 +43,19 @@ const OTHER_DRIVE_S: f64 = 1.0e-3;
 /// Gain ratios that the law of a type's position loop finds: with others, as of a set point that the drive limits in its rate, it is none.
 const GAINS: std::ops::Range<f64> = 0.45..1.6;
 
-/// The set point that is logged clearly before or after its effect: against that of the `commissioned` unit's healthy windows, of this sample
-/// rate where it is known, Hz, where it is moved by whole samples, else against the law of the type.
+/// The set point that is logged clearly before or after its effect: against that of the `commissioned` unit's healthy windows and what they have
+/// seen, where it is moved by whole samples, else against the law of the type.
 #[must_use]
-pub fn setpoint_time(job: &WindowJob, commissioned: Option<(&CommissionedRelations, Option<f64>)>) -> Option<Finding> {
+pub fn setpoint_time(job: &WindowJob, commissioned: Option<(&CommissionedRelations, &Seen)>) -> Option<Finding> {
     let rate_hz = job.params.sensors.sample_rate;
     let torque_scale = commissioned.and_then(|(unit, _)| unit.torque_scale);
-    let (expected_s, scatter_s, allowed_s) = match commissioned.map(|(unit, rate_hz)| (&unit.setpoint_delay, rate_hz)) {
+    let (expected_s, scatter_s, allowed_s) = match commissioned.map(|(unit, seen)| (&unit.setpoint_delay, seen)) {
         Some((healthy, _)) if healthy.windows == 0 => return None,
-        Some((healthy, then_hz)) => {
-            let longer_s = then_hz.map_or(0.0, |then_hz| 1.0 / rate_hz - 1.0 / then_hz);
+        Some((healthy, seen)) => {
+            let longer_s = seen.sample_rate_hz.map_or(0.0, |then_hz| 1.0 / rate_hz - 1.0 / then_hz);
             (
                 healthy.mean + RATE_PERIODS * longer_s,
-                healthy.scatter,
+                healthy.scatter.hypot(time_sigma(seen.setpoint_held_s)),
                 OTHER_MOTION_S + OTHER_MOTION_PERIODS / rate_hz + OTHER_RATE_PERIODS * longer_s.abs(),
             )
         }
@@ -65,7 +67,8 @@ pub fn setpoint_time(job: &WindowJob, commissioned: Option<(&CommissionedRelatio
     };
     let (moved, found) = delay(job, torque_scale)?;
     let early_s = moved as f64 / rate_hz + found.delay_s.value - expected_s;
-    let sigma_s = found.delay_s.sigma.hypot(scatter_s);
+    let of_hold = time_sigma(held_s(&job.window.samples, rate_hz));
+    let sigma_s = found.delay_s.sigma.hypot(scatter_s).hypot(of_hold);
     let is_shown = sigma_s < SIGMA_MAX_S && (commissioned.is_some() || GAINS.contains(&found.gain));
     if early_s.abs() < allowed_s + SIGMAS * sigma_s || !is_shown {
         return None;

@@ -165,7 +165,8 @@ impl Suspect {
             Invalidity::TooManyFlawed {
                 defect: Defect::Repeated,
                 ..
-            } => Some(Self::RepeatedSamples),
+            }
+            | Invalidity::Held { .. } => Some(Self::RepeatedSamples),
             Invalidity::CounterJumped { .. }
             | Invalidity::CutShort(_)
             | Invalidity::ModeChanged

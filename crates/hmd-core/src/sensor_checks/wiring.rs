@@ -44,10 +44,10 @@ pub(super) struct OnTorqueAxis {
 const OFF_AXIS: f64 = 0.12;
 
 /// The same for currents of another instant.
-const OFF_AXIS_LATE: f64 = 0.03;
+pub(super) const OFF_AXIS_LATE: f64 = 0.03;
 
 /// Part of it that the right wiring may leave.
-const LEFT: f64 = 0.4;
+pub(super) const LEFT: f64 = 0.4;
 
 /// Most pole pairs that are tried.
 const POLE_PAIRS_MAX: u32 = 30;
@@ -65,7 +65,7 @@ pub(super) fn other_wiring(
     if signals.pole_pairs * signals.span(|row| row.theta_m) < TURN_RAD {
         return None;
     }
-    let late = [Wiring::CurrentsLate(1), Wiring::CurrentsLate(-1)];
+    let late = || latenesses(signals.rate_hz).map(Wiring::CurrentsLate);
     // A wrong zero is not a matter of wires.
     let configured = share_on_torque_axis(signals, Wiring::PolePairs(signals.pole_pairs), |_| true)?;
     if 1.0 - configured < OFF_AXIS {
@@ -77,9 +77,9 @@ pub(super) fn other_wiring(
         }
         // A zero that explains as much is told by `far_zero`, or beside the age of the currents by `currents`.
         let by_zero = share_on_torque_axis(signals, Wiring::PolePairs(signals.pole_pairs), counts)?;
-        return best_of(signals, late, configured, counts).filter(|(best, _)| best.share > by_zero);
+        return best_of(signals, late(), configured, counts).filter(|(best, _)| best.share > by_zero);
     }
-    let mut candidates = late.to_vec();
+    let mut candidates: Vec<Wiring> = late().collect();
     match ratio {
         Some(ratio) if ratio < 0.0 => candidates.push(Wiring::ResolverReversed),
         Some(ratio) if (ratio - 1.0).abs() > 0.1 => candidates.push(Wiring::ResolverTimes(1.0 / ratio)),
@@ -90,6 +90,25 @@ pub(super) fn other_wiring(
         }
     }
     best_of(signals, candidates, configured, |_| true)
+}
+
+/// Longest time, s, by which currents and angles of one sample may be apart: loggers that join several buses.
+pub(super) const LATE_MAX_S: f64 = 6e-3;
+
+/// Samples by which currents may be older than the angles; negative where they are newer.
+pub(super) fn latenesses(rate_hz: f64) -> impl Iterator<Item = isize> {
+    let most = ((LATE_MAX_S * rate_hz).round() as isize).max(1);
+    (1..=most).flat_map(|late| [late, -late])
+}
+
+/// The age of the currents against the angles, samples, that puts most of the current on the torque axis, and that share.
+pub(super) fn best_lateness(signals: &Signals) -> Option<(isize, f64)> {
+    let counts = |row: &Row| signals.is_controlled(row);
+    let shares = latenesses(signals.rate_hz).filter_map(|late| {
+        let share = share_on_torque_axis(signals, Wiring::CurrentsLate(late), counts)?;
+        Some((late, share))
+    });
+    shares.reduce(|best, other| if other.1 > best.1 { other } else { best })
 }
 
 /// Pole pairs other than those configured.
@@ -123,12 +142,7 @@ pub(super) fn far_zero(signals: &Signals, params: &ActuatorParams) -> Option<Far
     }
     let counts = |row: &Row| signals.is_controlled(row);
     let share = share_on_torque_axis(signals, Wiring::PolePairs(signals.pole_pairs), counts)?;
-    let late = [1, -1].into_iter().filter_map(|late| {
-        let of_late = share_on_torque_axis(signals, Wiring::CurrentsLate(late), counts)?;
-        Some((of_late, late))
-    });
-    let (of_late, late) = late.reduce(|best, other| if other.0 > best.0 { other } else { best })?;
-    if 1.0 - share > OFF_AXIS || of_late > share {
+    if 1.0 - share > OFF_AXIS {
         return None;
     }
     let axis = zero_of_torque_axis(signals, counts);
@@ -139,6 +153,10 @@ pub(super) fn far_zero(signals: &Signals, params: &ActuatorParams) -> Option<Far
     let ahead = if gain > 0.0 { axis } else { axis - PI.copysign(axis) };
     let is_half_turn = PI - ahead.abs() < ZERO_MIN;
     if ahead.abs() <= FAR || is_half_turn {
+        return None;
+    }
+    let (late, of_late) = best_lateness(signals)?;
+    if of_late > share {
         return None;
     }
     // With wrong pole pairs a short motion has a best zero, too.
@@ -183,7 +201,7 @@ fn best_of(
 
 /// Share of the current's square on the torque axis with a wiring; where the wiring leaves the zero of the angle open, with the
 /// best zero; over the rows that count. `None` without current.
-fn share_on_torque_axis(signals: &Signals, wiring: Wiring, counts: impl Fn(&Row) -> bool) -> Option<f64> {
+pub(super) fn share_on_torque_axis(signals: &Signals, wiring: Wiring, counts: impl Fn(&Row) -> bool) -> Option<f64> {
     let pole_pairs = match wiring {
         Wiring::PolePairs(pole_pairs) => pole_pairs,
         _ => signals.pole_pairs,

@@ -2,6 +2,7 @@
 
 use super::config::{CLOCK_JUMP_S, Lengths, SCATTERED_RUN};
 use super::counters::{CounterLimits, refuse_spikes};
+use super::held::or_held;
 use super::jitter::{sample_jitter, time_jitter};
 use super::limits::Limits;
 use super::quality::{Counter, Defect, Degradation, Invalidity, Part, Signal};
@@ -77,7 +78,7 @@ pub(super) fn examine(slots: &mut [Slot], limits: &Limits) -> Findings {
         clock_jumps,
         unsteady_rad_s: unsteady_start(slots, limits),
         time_jitter,
-        invalid: invalid.map(|why| or_time_jitter(why, time_jitter)),
+        invalid: invalid.map(|why| or_time_jitter(or_held(slots, why), time_jitter)),
     }
 }
 

@@ -80,6 +80,13 @@ pub enum Invalidity {
         /// Index of the first sample after the jump.
         at: usize,
     },
+    /// A counter is slower than the samples: it stands for several of them at a time.
+    Held {
+        /// Which.
+        counter: Counter,
+        /// Samples.
+        samples: usize,
+    },
     /// Resolver and encoder went different ways, further than any play and wear of the transmission.
     CountersDisagree {
         /// Range of the difference of the two angles, rad at the output.
@@ -212,6 +219,10 @@ impl fmt::Display for Invalidity {
             }
             Self::Stuck(signal) => write!(f, "stuck: {signal}"),
             Self::CounterJumped { counter, at } => write!(f, "counter jump: {counter} at sample {at}"),
+            Self::Held { counter, samples } => write!(
+                f,
+                "repeated samples: the {counter} stands for {samples} samples at a time: leave what repeats out, with resample = true"
+            ),
             Self::CountersDisagree { range_rad } => {
                 write!(f, "counters disagree: resolver and encoder by {range_rad:.4} rad")
             }
@@ -343,6 +354,13 @@ mod tests {
                     at: 9,
                 },
                 "counter jump: resolver at sample 9",
+            ),
+            (
+                Invalidity::Held {
+                    counter: Counter::Output,
+                    samples: 10,
+                },
+                "repeated samples: the encoder stands for 10 samples at a time: leave what repeats out, with resample = true",
             ),
             (
                 Invalidity::CountersDisagree { range_rad: 0.05 },

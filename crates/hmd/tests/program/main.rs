@@ -3,6 +3,7 @@
 mod bending_gear;
 mod check_config;
 mod cli_live;
+mod coarse_set_point;
 mod current_offset;
 mod damaged_log;
 mod drives;
@@ -29,6 +30,7 @@ mod serial;
 mod serial_rig;
 mod service;
 mod settings;
+mod shifted_motor_angle;
 mod shifted_set_point;
 mod simulate;
 mod terminal_rig;

@@ -102,6 +102,19 @@ pub(super) fn of_setpoint(params: &ActuatorParams, error: SetpointError) -> Find
             &format!("the motor turns at {speed:.0} rad/s before the set point moves"),
             None,
         ),
+        SetpointError::SetpointScale(scale) => Finding::new(
+            Suspect::SetpointUnit,
+            &format!(
+                "it moves {scale:.3} times as far as the output, from rest to rest, and the drive makes no torque"
+            ),
+            Some(Correction::Setpoint(scale)),
+        ),
+        SetpointError::ZeroOrScale(error) => {
+            let mut finding = of_setpoint(params, SetpointError::Zero(error));
+            let evidence = "another scale of it looks the same where no rest follows";
+            finding.suspicions.push(suspicion(Suspect::SetpointUnit, evidence));
+            finding
+        }
         SetpointError::Zero(error) => {
             let counts = (-error / params.sensors.output_lsb()).round() as i64;
             let evidence = format!(

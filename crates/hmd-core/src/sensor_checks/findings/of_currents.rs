@@ -45,14 +45,17 @@ pub(super) fn of_wiring(params: &ActuatorParams, found: &OnTorqueAxis, configure
             ),
             Some(Correction::PolePairs(pole_pairs)),
         ),
-        Wiring::CurrentsLate(late) => (
-            Suspect::SampleOrder,
-            format!("the currents seem to be {late} sample late"),
-            Some(Correction::Later(late)),
-        ),
+        Wiring::CurrentsLate(late) => (Suspect::SampleOrder, currents_late(late), Some(Correction::Later(late))),
         Wiring::Right => (Suspect::PhaseOrder, String::new(), None),
     };
     Finding::new(suspect, &format!("{what}: {shares}"), correction)
+}
+
+/// Currents that are so many samples older than the angles, in words.
+fn currents_late(late: isize) -> String {
+    let (what, count) = (if late > 0 { "currents" } else { "angles" }, late.unsigned_abs());
+    let samples = if count == 1 { "sample" } else { "samples" };
+    format!("the {what} seem to be {count} {samples} late")
 }
 
 /// A far zero, and every wiring that turns the currents alike: all reversed by half a turn, phases in cyclic order by a third.
@@ -83,10 +86,8 @@ pub(super) fn of_far_zero(params: &ActuatorParams, far: &FarZero) -> Finding {
             format!("all seem reversed, and the resolver {half_turn_less:+.1}° electrical ahead of the rotor");
         others.push(suspicion(Suspect::CurrentSign, &evidence));
     }
-    others.extend(far.or_late.map(|late| {
-        let evidence = format!("the currents seem to be {late} sample late");
-        suspicion(Suspect::SampleOrder, &evidence)
-    }));
+    let or_late = far.or_late.map(currents_late);
+    others.extend(or_late.map(|evidence| suspicion(Suspect::SampleOrder, &evidence)));
     finding
 }
 

@@ -101,6 +101,8 @@ pub struct AssessedWindow {
     pub in_a_row: WindowsInARow,
     /// What became news by that.
     pub news: Vec<News>,
+    /// By what it was assessed, where the daemon learns the unit.
+    pub unit: record::UnitMark,
 }
 
 impl Assessor {
@@ -302,6 +304,7 @@ impl Assessor {
             shortened: is_short.then(|| shortened_record(&job, limit, found.as_ref())),
             in_a_row,
             news,
+            unit: record::UnitMark::Untold,
         })
     }
 

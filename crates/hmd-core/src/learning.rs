@@ -12,13 +12,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use ema_identify::unit_calibration::UnitCalibration;
+use sha2::{Digest, Sha256};
 
 use crate::assess::{AssessError, AssessedWindow, Assessor, LearningProgress};
 use crate::commissioning::{CommissioningError, SeenByType, calibrate_unit, health_by_type, in_words};
 use crate::config::{ActuatorConfig, Config};
 use crate::deadline::TimeLimit;
+use crate::metadata_checksum::hex;
 use crate::outbox::WindowJob;
-use crate::record::WindowStatus;
+use crate::record::{UnitMark, WindowStatus};
 use kept_windows::KeptWindows;
 
 /// Learns the units of a run.
@@ -28,6 +30,8 @@ pub struct Learner {
     seed: u64,
     /// Windows of each unit that is not commissioned yet, at most `learn_windows`.
     windows: BTreeMap<String, KeptWindows<(WindowJob, SeenByType)>>,
+    /// The units that are known, by actuator: the SHA-256 of their files.
+    known: BTreeMap<String, String>,
     /// The actuator of the last window, if that completed its windows.
     complete: Option<Arc<ActuatorConfig>>,
     learnt: Vec<LearntUnit>,
@@ -55,12 +59,49 @@ impl Learner {
             config,
             seed,
             windows: BTreeMap::new(),
+            known: BTreeMap::new(),
             complete: None,
             learnt: Vec::new(),
             replaced: Vec::new(),
             waiting: BTreeSet::new(),
             notices: Vec::new(),
         }
+    }
+
+    /// Goes on with what an earlier run learnt of an actuator's unit; `sha256` is that of its file.
+    pub fn take_unit(&mut self, assessor: &mut Assessor, actuator: &str, unit: UnitCalibration, sha256: String) {
+        self.windows.remove(actuator);
+        assessor.set_unit(actuator, unit);
+        self.known.insert(actuator.to_owned(), sha256);
+    }
+
+    /// The SHA-256 of the file of an actuator's unit, if it is known.
+    #[must_use]
+    pub fn known_unit(&self, actuator: &str) -> Option<&str> {
+        self.known.get(actuator).map(String::as_str)
+    }
+
+    /// Forgets what was learnt of a unit that a maintenance event has replaced, or a part of it, by the time of a window, UTC ns. Returns
+    /// whether one has.
+    ///
+    /// # Errors
+    /// Those of [`Assessor::assess`].
+    pub fn follow_events(
+        &mut self,
+        assessor: &mut Assessor,
+        actuator: &Arc<ActuatorConfig>,
+        t_ns: u64,
+    ) -> Result<bool, AssessError> {
+        // A run that keeps no history, or was killed since, knows the events alone.
+        let is_void = assessor.histories().is_replaced(actuator, t_ns) || assessor.is_outdated(actuator, t_ns);
+        if actuator.learning.is_none() || !is_void {
+            return Ok(false);
+        }
+        self.forget(assessor, &actuator.name);
+        self.replaced.push(actuator.clone());
+        // What was replaced is no longer known.
+        assessor.histories().history_at(actuator, t_ns)?.hold();
+        Ok(true)
     }
 
     /// Assesses a window, and keeps it where its unit is to be learnt. [`Learner::commission_complete`] comes next.
@@ -73,24 +114,30 @@ impl Learner {
         job: WindowJob,
         limit: &TimeLimit<'_>,
     ) -> Result<AssessedWindow, AssessError> {
+        self.assess_unless(assessor, job, limit, None)
+    }
+
+    /// The same; a unit that is not known is not learnt from this window where there is a reason against it, which its record then has.
+    ///
+    /// # Errors
+    /// Those of [`Assessor::assess`].
+    pub fn assess_unless(
+        &mut self,
+        assessor: &mut Assessor,
+        job: WindowJob,
+        limit: &TimeLimit<'_>,
+        not_learnt: Option<String>,
+    ) -> Result<AssessedWindow, AssessError> {
         let actuator = job.actuator.clone();
-        let is_learnt = actuator.learning.is_some();
         let t_ns = job.window.t_start_ns;
-        // A run that keeps no history, or was killed since, knows the events alone.
-        let is_void = assessor.histories().is_replaced(&actuator, t_ns) || assessor.is_outdated(&actuator, t_ns);
-        if is_learnt && is_void {
-            self.forget(assessor, &actuator.name);
-            self.replaced.push(actuator.clone());
-        }
+        self.follow_events(assessor, &actuator, t_ns)?;
         let Some(learning) = actuator.learning.as_ref().filter(|_| !assessor.knows_unit(&actuator)) else {
-            return assessor.assess_within(job, limit, &LearningProgress::None);
+            let known = self.known.get(&actuator.name).cloned();
+            let mut assessed = assessor.assess_within(job, limit, &LearningProgress::None)?;
+            assessed.unit = known.map_or(UnitMark::Untold, UnitMark::Learnt);
+            return Ok(assessed);
         };
-        // Follows the events first: what was replaced is no longer known.
-        let history = assessor.histories().history_at(&actuator, t_ns)?;
-        if is_void {
-            history.hold();
-        }
-        if let Some(known) = history.known_damage() {
+        if let Some(known) = assessor.histories().history_at(&actuator, t_ns)?.known_damage() {
             let name = &actuator.name;
             let reason = format!(
                 "not learnt with {known}: repair it and record that (hmd event --reset {name}, with --part of one part)"
@@ -99,14 +146,19 @@ impl Learner {
             if self.waiting.insert(name.clone()) {
                 self.notices.push(format!("{name}: {reason}"));
             }
-            return assessor.assess_within(job, limit, &LearningProgress::Waits(reason));
+            return assess_waiting(assessor, job, limit, reason);
         }
         self.waiting.remove(&actuator.name);
+        if let Some(reason) = not_learnt {
+            self.windows.remove(&actuator.name);
+            return assess_waiting(assessor, job, limit, reason);
+        }
         let kept = self.windows.entry(actuator.name.clone()).or_default();
         let number = kept.len() + 1;
         let copy = job.clone();
         let reason = format!("learning, {number} of {} windows", learning.windows);
-        let assessed = assessor.assess_within(job, limit, &LearningProgress::Learns(reason))?;
+        let mut assessed = assessor.assess_within(job, limit, &LearningProgress::Learns(reason))?;
+        assessed.unit = UnitMark::Learning;
         let is_valid = assessed.health.status != WindowStatus::Invalid.name();
         let seen = SeenByType::new(&assessed);
         let is_complete = is_valid && kept.keep((copy, seen), learning.windows);
@@ -145,8 +197,8 @@ impl Learner {
                 self.notices.extend(warnings);
                 let sentences = in_words(&calibration).join("; ");
                 self.notices.push(format!("{name}: commissioned, {sentences}"));
-                self.windows.remove(name);
-                assessor.set_unit(name, calibration.clone());
+                let sha256 = hex(&Sha256::digest(calibration.emit()));
+                self.take_unit(assessor, name, calibration.clone(), sha256);
                 self.learnt.push(LearntUnit {
                     actuator: actuator.clone(),
                     calibration,
@@ -178,6 +230,7 @@ impl Learner {
             .is_some_and(|of| of.learning.is_some())
         {
             self.windows.remove(actuator);
+            self.known.remove(actuator);
             assessor.remove_unit(actuator);
         }
     }
@@ -196,4 +249,16 @@ impl Learner {
     pub fn take_notices(&mut self) -> Vec<String> {
         std::mem::take(&mut self.notices)
     }
+}
+
+/// Assesses a window of a unit that is not to be learnt for now.
+fn assess_waiting(
+    assessor: &mut Assessor,
+    job: WindowJob,
+    limit: &TimeLimit<'_>,
+    reason: String,
+) -> Result<AssessedWindow, AssessError> {
+    let mut assessed = assessor.assess_within(job, limit, &LearningProgress::Waits(reason))?;
+    assessed.unit = UnitMark::Waiting;
+    Ok(assessed)
 }

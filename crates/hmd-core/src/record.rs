@@ -15,6 +15,7 @@ pub mod schema;
 mod sensors;
 mod shortened;
 mod status;
+mod unit_mark;
 mod window;
 mod window_status;
 
@@ -30,6 +31,7 @@ pub use schema::PACKAGE;
 pub use sensors::{SensorReading, Sensors};
 pub use shortened::{Grant, Shortened};
 pub use status::{ActuatorStatus, DataState, InterfaceStatus, Status, StorageState, StoreStatus};
+pub use unit_mark::UnitMark;
 pub use window::Window;
 pub use window_status::WindowStatus;
 

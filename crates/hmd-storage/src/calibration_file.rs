@@ -9,6 +9,8 @@ use ema_identify::unit_calibration::UnitCalibration;
 use hmd_core::assess::{AssessError, Models, TypeModel, model_hash};
 use hmd_core::config::{ActuatorConfig, ActuatorType, Config};
 use hmd_core::learning::LearntUnit;
+use hmd_core::metadata_checksum::hex;
+use sha2::{Digest, Sha256};
 use tempfile::NamedTempFile;
 
 use crate::is_full;
@@ -50,39 +52,73 @@ pub fn load_type_model(
 /// # Errors
 /// It cannot be read or used.
 pub fn load_unit(path: &Path, actuator_type: &str) -> Result<UnitCalibration, AssessError> {
+    read_unit(path, actuator_type).map(|(unit, _)| unit)
+}
+
+/// The calibration of a unit, and the SHA-256 of its file.
+fn read_unit(path: &Path, actuator_type: &str) -> Result<(UnitCalibration, String), AssessError> {
     let name = path.display().to_string();
     let text = read_text(path).map_err(|source| AssessError::Read {
         path: name.clone(),
         source,
     })?;
-    Ok(UnitCalibration::parse(&text, &name, actuator_type)?)
+    let unit = UnitCalibration::parse(&text, &name, actuator_type)?;
+    Ok((unit, hex(&Sha256::digest(text))))
 }
 
-/// Reads what earlier runs learnt of the units of a configuration, each with its file and its actuator.
+/// What a run learnt of a unit, as it is kept.
+#[derive(Clone, Debug)]
+pub struct KeptUnit<'a> {
+    /// Its file.
+    pub path: PathBuf,
+    /// Its actuator.
+    pub actuator: &'a ActuatorConfig,
+    /// What was learnt.
+    pub calibration: UnitCalibration,
+    /// SHA-256 of the file, in hexadecimal.
+    pub sha256: String,
+}
+
+/// Reads what earlier runs learnt of the units of a configuration.
 ///
 /// # Errors
-/// The first file that cannot be read or used, or belongs to a unit with another serial number.
-pub fn load_learnt(config: &Config) -> Result<Vec<(PathBuf, &ActuatorConfig, UnitCalibration)>, AssessError> {
-    let mut found = Vec::new();
-    for actuator in config.actuators() {
-        let Some(path) = config.learnt_file(actuator) else {
-            continue;
-        };
-        let unit = match load_unit(&path, &actuator.type_name) {
-            Err(AssessError::Read { source, .. }) if source.kind() == io::ErrorKind::NotFound => continue,
-            other => other?,
-        };
-        if unit.serial_number != actuator.serial_number {
-            let serial = |of: &Option<String>| of.clone().unwrap_or_else(|| "none".to_owned());
-            return Err(AssessError::Serial {
-                path: path.display().to_string(),
-                expected: serial(&actuator.serial_number),
-                found: serial(&unit.serial_number),
-            });
-        }
-        found.push((path, actuator, unit));
+/// As [`load_learnt_unit`], the first.
+pub fn load_learnt(config: &Config) -> Result<Vec<KeptUnit<'_>>, AssessError> {
+    let of_each = config.actuators().iter();
+    of_each
+        .filter_map(|actuator| load_learnt_unit(config, actuator).transpose())
+        .collect()
+}
+
+/// Reads what an earlier run learnt of an actuator's unit; `None` where nothing is kept.
+///
+/// # Errors
+/// The file cannot be read or used, or belongs to a unit with another serial number.
+pub fn load_learnt_unit<'a>(
+    config: &Config,
+    actuator: &'a ActuatorConfig,
+) -> Result<Option<KeptUnit<'a>>, AssessError> {
+    let Some(path) = config.learnt_file(actuator) else {
+        return Ok(None);
+    };
+    let (calibration, sha256) = match read_unit(&path, &actuator.type_name) {
+        Err(AssessError::Read { source, .. }) if source.kind() == io::ErrorKind::NotFound => return Ok(None),
+        other => other?,
+    };
+    if calibration.serial_number != actuator.serial_number {
+        let serial = |of: &Option<String>| of.clone().unwrap_or_else(|| "none".to_owned());
+        return Err(AssessError::Serial {
+            path: path.display().to_string(),
+            expected: serial(&actuator.serial_number),
+            found: serial(&calibration.serial_number),
+        });
     }
-    Ok(found)
+    Ok(Some(KeptUnit {
+        path,
+        actuator,
+        calibration,
+        sha256,
+    }))
 }
 
 /// Whether the folder of each unit that is to be learnt can be written to; one that is missing is made.

@@ -19,7 +19,7 @@ use hmd_core::config::{Config, Limits};
 use hmd_core::frame::{BusNames, RawFrame};
 use hmd_core::levels_text::levels_text;
 use hmd_core::outbox::{Notice, WindowJob};
-use hmd_core::record::{Assessed, Dropped, Ended, Log, LogLevel, Record, Status, StorageState, StoreStatus};
+use hmd_core::record::{Assessed, Dropped, Ended, Log, LogLevel, Record, Status, StorageState, StoreStatus, UnitMark};
 
 /// Why records cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -216,12 +216,7 @@ impl Recorder {
                 if let Some(shortened) = &assessed.shortened {
                     store.write_to_both(at, shortened);
                 }
-                let mark = Assessed {
-                    actuator: assessed.health.actuator.clone(),
-                    window: assessed.health.window,
-                    t_start_ns: at,
-                };
-                store.write_to_raw(at, &mark);
+                store.write_to_raw(at, &mark_of(assessed));
                 store.sync_window()
             }
             Output::File { .. } => {
@@ -230,6 +225,10 @@ impl Recorder {
                     writer.write(at, &assessed.health)?;
                     writer.write(at, &assessed.rul)?;
                     writer.write(at, &assessed.sensors)?;
+                    // That a window was assessed is told by its health.
+                    if assessed.unit != UnitMark::Untold {
+                        writer.write(at, &mark_of(assessed))?;
+                    }
                     match &assessed.shortened {
                         Some(shortened) => writer.write(at, shortened),
                         None => Ok(()),
@@ -437,6 +436,16 @@ impl Recorder {
             }
         }
         Ok(())
+    }
+}
+
+/// What a replay of its frames needs to know of a window that was assessed.
+fn mark_of(assessed: &AssessedWindow) -> Assessed {
+    Assessed {
+        actuator: assessed.health.actuator.clone(),
+        window: assessed.health.window,
+        t_start_ns: assessed.health.t_start_ns,
+        unit: assessed.unit.to_text().to_owned(),
     }
 }
 

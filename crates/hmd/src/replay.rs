@@ -1,7 +1,9 @@
 //! File driver: the same chain as live, with time taken from the file.
 
 mod error;
+mod learnt_units;
 mod live_decisions;
+mod recorded_units;
 mod serial_numbers;
 mod succession;
 mod summary;
@@ -24,10 +26,11 @@ use hmd_core::pipeline::Pipeline;
 use hmd_core::record::LogLevel;
 use hmd_ingest::Loss;
 use hmd_ingest::file::{FrameSource, open_mapped};
-use hmd_storage::calibration_file::{load_learnt, load_models};
+use hmd_storage::calibration_file::load_models;
 use hmd_storage::event_file::load_events;
 use hmd_storage::recorder::{RecordObserver, Recorder, metadata};
 use hmd_storage::same_file::is_same_file;
+use learnt_units::LearntUnits;
 use live_decisions::LiveDecisions;
 use succession::{LastSegment, Succession};
 
@@ -71,6 +74,7 @@ struct Run<'a, O> {
     windows: u64,
     /// What became of windows when the logs were made.
     live: LiveDecisions,
+    units: LearntUnits,
     /// Windows of the log that its run did not come to.
     left_out: u64,
     /// Newest stamp of each interface, ns: frames of a later log up to it have been seen or come out of order.
@@ -133,10 +137,8 @@ impl Replay<'_> {
         let mut assessor =
             Assessor::new(self.config.clone(), load_models(&self.config)?, self.seed).with_estimator(estimator);
         assessor.histories().set_events(load_events(&self.config)?);
-        let live = LiveDecisions::of(self.logs, &self.config.hash());
-        if let Some(from_ns) = live.captures_from_ns {
-            self.take_learnt(&mut assessor, from_ns)?;
-        }
+        let mut live = LiveDecisions::of(self.logs, &self.config.hash());
+        let units = LearntUnits::new(self.config.clone(), std::mem::take(&mut live.units));
         let mut run = Run {
             pipeline: Pipeline::new(self.config.clone()),
             assessor,
@@ -145,6 +147,7 @@ impl Replay<'_> {
             observer,
             windows: 0,
             live,
+            units,
             left_out: 0,
             newest_ns: BTreeMap::new(),
             damaged_places: 0,
@@ -175,6 +178,7 @@ impl Replay<'_> {
                 run.learner.begin_run();
             }
             run.live.begin_log(number);
+            run.units.begin_log(number);
             run.follow_units(log, &self.config)?;
             let store_raw = self.config.output().raw_frames;
             names = run.one_log(log, source, continued, &mut read_before, store_raw)?;
@@ -188,23 +192,10 @@ impl Replay<'_> {
         run.finish(&names, self)
     }
 
-    /// Captures lack the windows that a unit is learnt from: takes what a daemon has learnt, unless the unit was replaced since the time of
-    /// the captures.
-    fn take_learnt(&self, assessor: &mut Assessor, from_ns: u64) -> Result<(), ReplayError> {
-        for (_, actuator, unit) in load_learnt(&self.config)? {
-            let until_ns = unit
-                .sensors
-                .as_ref()
-                .map_or(u64::MAX, |of| u64::try_from(of.until_ns).unwrap_or(0));
-            if !assessor.histories().is_replaced_between(actuator, from_ns, until_ns) {
-                assessor.set_unit(&actuator.name, unit);
-            }
-        }
-        Ok(())
-    }
-
     fn create(&self, path: &Path) -> Result<Recorder, ReplayError> {
-        let files = self.config.files();
+        let mut files = self.config.files();
+        let actuators = self.config.actuators().iter();
+        files.extend(actuators.filter_map(|actuator| self.config.learnt_file(actuator)));
         if self.logs.iter().chain(&files).any(|input| is_same_file(input, path)) {
             let path = path.display().to_string();
             return Err(ReplayError::OutputIsInput { path });
@@ -342,8 +333,15 @@ impl<O: Observer> Run<'_, O> {
                     .as_mut()
                     .map_or_else(Effort::unlimited, |grants| Effort::within(grants)),
             };
-            let assessed = self.learner.assess(&mut self.assessor, job, &limit)?;
+            let not_learnt = self.units.prepare(&mut self.learner, &mut self.assessor, &job)?;
+            let assessed = self
+                .learner
+                .assess_unless(&mut self.assessor, job, &limit, not_learnt)?;
             self.learner.commission_complete(&mut self.assessor)?;
+            for (level, message) in self.units.take_notices() {
+                let stamp_ns = assessed.health.t_start_ns;
+                self.notice(&Notice { stamp_ns, message }, level)?;
+            }
             let of_histories = self.assessor.histories().take_notices();
             for message in of_histories.into_iter().chain(self.learner.take_notices()) {
                 let stamp_ns = assessed.health.t_start_ns;
@@ -391,6 +389,7 @@ impl<O: Observer> Run<'_, O> {
             windows: self.windows,
             frames: self.pipeline.frames(),
             damaged_places: self.damaged_places,
+            windows_without_unit: self.units.windows_without,
         };
         if let Some(mut recorder) = self.recorder {
             recorder.write_status(last_stamp_ns, &summary.status)?;
@@ -430,6 +429,7 @@ mod tests {
             observer: &mut Nobody,
             windows: 0,
             live: LiveDecisions::default(),
+            units: LearntUnits::new(config.clone(), Default::default()),
             left_out: 0,
             newest_ns: BTreeMap::new(),
             damaged_places: 0,

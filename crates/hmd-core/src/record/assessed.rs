@@ -12,6 +12,8 @@ message! {
         window: u64 = 2 uint64;
         /// Start of the window, UTC ns.
         t_start_ns: u64 = 3 uint64;
+        /// By what it was assessed where the daemon learns the unit ([`super::UnitMark`]).
+        unit: String = 4 string;
     }
 }
 

@@ -88,7 +88,7 @@ fn units(config: &Config) -> anyhow::Result<Vec<Unit>> {
     found.extend(
         load_learnt(config)?
             .into_iter()
-            .map(|(path, actuator, unit)| (actuator, unit, path)),
+            .map(|kept| (kept.actuator, kept.calibration, kept.path)),
     );
     Ok(found
         .into_iter()

@@ -177,14 +177,15 @@ pub fn check_files(config: &Config, tell: &mut dyn FnMut(&str)) -> anyhow::Resul
     Ok(())
 }
 
-/// The same with what earlier runs learnt of units, which a run goes on with and a replay does not.
+/// The same with what earlier runs learnt of units, which a run goes on with; a replay needs it where its logs lack the windows that it was
+/// learnt from.
 ///
 /// # Errors
 /// The first file that cannot be used.
 pub fn check_files_of_run(config: &Config, tell: &mut dyn FnMut(&str)) -> anyhow::Result<()> {
     check_files(config, tell)?;
-    for (path, actuator, unit) in load_learnt(config)? {
-        tell_of_changed_type(&path, actuator, &unit, tell);
+    for kept in load_learnt(config)? {
+        tell_of_changed_type(&kept.path, kept.actuator, &kept.calibration, tell);
     }
     Ok(())
 }

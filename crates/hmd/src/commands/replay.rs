@@ -112,7 +112,9 @@ pub fn check_output(output: &Path, logs: &[PathBuf], config: &Config) -> anyhow:
         recordings: &[output],
         ..Outputs::default()
     };
-    outputs.check(logs.iter().chain(&config.files()))?;
+    let learnt = config.actuators().iter();
+    let learnt = learnt.filter_map(|actuator| config.learnt_file(actuator));
+    outputs.check(logs.iter().cloned().chain(config.files()).chain(learnt))?;
     Ok(())
 }
 

@@ -45,10 +45,15 @@ impl<'a, C: HostClock> Identification<'a, C> {
             }
             None => None,
         };
+        let mut assessor = ready_assessor(config.clone(), seed, estimator)?;
+        let mut learner = Learner::new(config.clone(), seed);
+        for kept in load_learnt(&config)? {
+            learner.take_unit(&mut assessor, &kept.actuator.name, kept.calibration, kept.sha256);
+        }
         Ok(Self {
             clock,
-            assessor: ready_assessor(config.clone(), seed, estimator)?,
-            learner: Learner::new(config.clone(), seed),
+            assessor,
+            learner,
             turns: Turns::new(&config, clock),
             histories,
             config,
@@ -282,15 +287,12 @@ fn reason_to_keep(assessed: &AssessedWindow, tracker: &HealthTracker) -> Option<
     Some(format!("{}: window {}: {why}", health.actuator, health.window))
 }
 
-/// An assessor with its models, and the units and histories of earlier runs; the notices of unusable histories come with the first
+/// An assessor with its models, and the histories of earlier runs; the notices of unusable histories come with the first
 /// window.
 fn ready_assessor(config: Arc<Config>, seed: u64, estimator: Arc<dyn Estimator>) -> Result<Assessor, DaemonError> {
     let mut assessor = Assessor::new(config.clone(), load_models(&config)?, seed).with_estimator(estimator);
     if let Some(directory) = config.rul().state.as_ref().map(|path| config.resolve(path)) {
         history_file::restore_all(&directory, &config, assessor.histories()).map_err(DaemonError::State)?;
-    }
-    for (_, actuator, unit) in load_learnt(&config)? {
-        assessor.set_unit(&actuator.name, unit);
     }
     Ok(assessor)
 }

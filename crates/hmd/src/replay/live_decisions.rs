@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use prost::Message;
 
+use super::recorded_units::RecordedUnits;
 use hmd_core::metadata_checksum::is_sealed;
 use hmd_core::record::{Assessed, Dropped, Ended, Health, Record, Shortened};
 use hmd_storage::mcap::{McapMessage, McapMessages};
@@ -30,8 +31,8 @@ pub(super) struct LiveDecisions {
     /// Which of them each log is of.
     of_logs: Vec<Option<String>>,
     current: Option<String>,
-    /// Where all logs are captures, the time of the oldest, UTC ns.
-    pub(super) captures_from_ns: Option<u64>,
+    /// By what each window was assessed, where the run learnt its unit.
+    pub(super) units: RecordedUnits,
 }
 
 /// A run that marked the windows it assessed.
@@ -59,19 +60,16 @@ impl LiveDecisions {
     /// reported when it is replayed.
     pub(super) fn of(logs: &[PathBuf], config_hash: &str) -> Self {
         let mut found = Self::default();
-        let mut oldest_ns = Vec::new();
         for log in logs {
-            let (run, capture_ns) = found.read(log, config_hash).unwrap_or_default();
+            found.units.add_log(log.display().to_string());
+            let run = found.read(log, config_hash).unwrap_or_default();
             found.of_logs.push(run);
-            oldest_ns.push(capture_ns);
         }
-        let captures: Option<Vec<u64>> = oldest_ns.into_iter().collect();
-        found.captures_from_ns = captures.and_then(|oldest_ns| oldest_ns.into_iter().min());
         found
     }
 
-    /// Reads one log; the run that it is of, if that marked its windows, and of a capture the time of its first frame.
-    fn read(&mut self, log: &Path, config_hash: &str) -> Option<(Option<String>, Option<u64>)> {
+    /// Reads one log; the run that it is of, if that marked its windows.
+    fn read(&mut self, log: &Path, config_hash: &str) -> Option<Option<String>> {
         let log = current_path(log);
         // Nothing else than a regular file can be read twice.
         if !log.metadata().is_ok_and(|of| of.is_file()) {
@@ -84,8 +82,9 @@ impl LiveDecisions {
         let first = messages.by_ref().flatten().next();
         let metadata = messages.metadata(METADATA_NAME);
         let has = |key: &str| metadata.is_some_and(|found| found.contains_key(key));
-        let (is_capture, is_segment) = (has("capture"), has("run"));
-        let capture_ns = first.as_ref().filter(|_| is_capture).map(|message| message.log_time_ns);
+        let is_segment = has("run");
+        let of_run = metadata.and_then(|found| found.get("run"));
+        self.units.set_run(of_run, has("capture"));
         let mut run = marked_run(&messages, &log, config_hash);
         if let Some(run) = &run {
             self.runs.entry(run.clone()).or_default();
@@ -100,7 +99,7 @@ impl LiveDecisions {
         if let Some(bare) = run.take_if(|run| !is_segment && self.runs[run].decided.is_empty()) {
             self.runs.remove(&bare);
         }
-        Some((run, capture_ns))
+        Some(run)
     }
 
     fn take(&mut self, message: &McapMessage, run: Option<&str>) {
@@ -119,6 +118,9 @@ impl LiveDecisions {
             }
             Assessed::SCHEMA_NAME => {
                 let decoded = Assessed::decode(data);
+                if let Ok(mark) = &decoded {
+                    self.units.add(mark);
+                }
                 (decided, is_assessed) = (decoded.map(|record| (record.actuator, record.t_start_ns)).ok(), true);
             }
             Health::SCHEMA_NAME => {

@@ -22,6 +22,8 @@ pub struct Summary {
     pub frames: FrameCounts,
     /// Places where a recorded file is damaged, whether or not the frames lost there can be counted.
     pub damaged_places: u64,
+    /// Windows that were assessed without the unit that their run had learnt, since it is neither in the logs nor kept.
+    pub windows_without_unit: u64,
 }
 
 impl Summary {
@@ -57,7 +59,14 @@ impl Summary {
     /// What was lost, in one sentence.
     #[must_use]
     pub fn loss(&self) -> Option<String> {
-        self.status.lost_in_logs(self.damaged_places)
+        let lost = self.status.lost_in_logs(self.damaged_places);
+        let windows = self.windows_without_unit;
+        let without = (windows > 0).then(|| {
+            let windows = counted(windows, "window", "windows");
+            format!("{windows} assessed without what was learnt of the unit")
+        });
+        let both: Vec<String> = lost.into_iter().chain(without).collect();
+        (!both.is_empty()).then(|| both.join("; "))
     }
 }
 

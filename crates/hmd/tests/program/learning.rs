@@ -23,10 +23,10 @@ use hmd_storage::segment_store::raw_segments;
 use super::folder::Folder;
 use super::lines::Lines;
 
-const SEED: u64 = 7;
+pub(super) const SEED: u64 = 7;
 
 /// A run over as many healthy actuations of a unit, recorded at `output`.
-fn run(config: &Arc<Config>, actuations: u32, output: &Path) -> (Vec<String>, Vec<String>) {
+pub(super) fn run(config: &Arc<Config>, actuations: u32, output: &Path) -> (Vec<String>, Vec<String>) {
     let recorder = Recorder::create(output, &metadata(config, "test", SEED)).unwrap();
     run_from(EPOCH_NS, config, actuations, recorder)
 }
@@ -46,7 +46,12 @@ fn frames_from(from_ns: u64, actuations: u32) -> Vec<RawFrame> {
 }
 
 /// The same as [`run`] from a time on, UTC ns.
-fn run_from(from_ns: u64, config: &Arc<Config>, actuations: u32, recorder: Recorder) -> (Vec<String>, Vec<String>) {
+pub(super) fn run_from(
+    from_ns: u64,
+    config: &Arc<Config>,
+    actuations: u32,
+    recorder: Recorder,
+) -> (Vec<String>, Vec<String>) {
     let frames = frames_from(from_ns, actuations);
     let lines = Lines::default();
     let daemon = Daemon {
@@ -61,7 +66,7 @@ fn run_from(from_ns: u64, config: &Arc<Config>, actuations: u32, recorder: Recor
     (lines.health(), lines.notices())
 }
 
-const CONFIG: &str = "[type.bench]\ntolerances = \"usual\"\n[type.bench.sensors]\nsample_rate_hz = 400\n\
+pub(super) const CONFIG: &str = "[type.bench]\ntolerances = \"usual\"\n[type.bench.sensors]\nsample_rate_hz = 400\n\
     [[actuator]]\nid = 0\nbus = \"can0\"\nname = \"flap\"\nserial_number = \"S/7\"\nlearn_windows = 5\nlearn_folder = \"units\"\n";
 
 #[test]
@@ -328,7 +333,7 @@ fn what_was_learnt_of_a_unit_goes_with_it() {
     assert!(health[0].contains("learning, 1 of 5 windows"), "{}", health[0]);
 }
 
-const MINUTE_NS: u64 = 60_000_000_000;
+pub(super) const MINUTE_NS: u64 = 60_000_000_000;
 
 /// Nothing but the times of the events and of the windows that it was learnt from says so: no history is kept.
 #[test]
@@ -435,8 +440,12 @@ fn a_capture_is_assessed_by_what_was_learnt_of_its_unit() {
         let line = replayed(logs);
         assert!(!line.contains("learning") && line.contains("\"window\":0,"), "{line}");
     }
-    // What was learnt is of another unit.
+    // What was learnt is of another unit, and that of the capture was not learnt from what is left.
     folder.done(&format!("event --reset flap -c hmd.toml --at {}", EPOCH_NS - MINUTE_NS));
     let line = replayed(&before);
-    assert!(line.contains("learning, 1 of 5 windows"), "{line}");
+    let reason = "not learnt: the unit of this capture was learnt from windows that it lacks, and ";
+    assert!(
+        line.contains(reason) && line.contains("is that of another one"),
+        "{line}"
+    );
 }

@@ -13,6 +13,7 @@ mod gear_ratio;
 mod inputs;
 mod interpolated_angles;
 mod learning;
+mod learnt_replays;
 mod lines;
 mod live;
 mod measured_log;

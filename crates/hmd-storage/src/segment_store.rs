@@ -16,7 +16,7 @@ mod repair;
 mod segment_stream;
 
 pub use disk::{Disk, Out, RealDisk};
-pub use list::{Segment, current_path, raw_segments, records_segments};
+pub use list::{Segment, current_path, raw_segment_number, raw_segments, records_segments};
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, TryLockError};

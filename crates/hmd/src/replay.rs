@@ -162,12 +162,11 @@ impl Replay<'_> {
                 Some(source) => source,
                 None => open_mapped(log, names, &self.config)?,
             };
-            let succession = run.segment.succession(&source);
-            let continued = matches!(succession, Succession::Next);
-            if !continued {
+            let (succession, is_after) = run.segment.succession(log, &source);
+            if succession != Succession::Next {
                 run.end_windows()?;
             }
-            if matches!(succession, Succession::AnotherRun) {
+            if succession == Succession::AnotherRun {
                 if !run.live.is_cut() {
                     let ends = run.pipeline.run_ends();
                     let counted = run.assessor.histories().end_run(ends);
@@ -181,7 +180,7 @@ impl Replay<'_> {
             run.units.begin_log(number);
             run.follow_units(log, &self.config)?;
             let store_raw = self.config.output().raw_frames;
-            names = run.one_log(log, source, continued, &mut read_before, store_raw)?;
+            names = run.one_log(log, source, is_after, &mut read_before, store_raw)?;
         }
         run.end_windows()?;
         let of_use: Vec<String> = run.recorded.notices().collect();
@@ -209,13 +208,13 @@ impl<O: Observer> Run<'_, O> {
         &mut self,
         log: &Path,
         mut source: FrameSource,
-        continued: bool,
+        is_after: bool,
         read_before: &mut u64,
         store_raw: bool,
     ) -> Result<BusNames, ReplayError> {
         let mut frames = 0u64;
-        // The clock may have stepped back between two segments of one run; no frame is in both.
-        let seen_ns = if continued {
+        // The clock may have stepped back between two segments; no frame is in both.
+        let seen_ns = if is_after {
             BTreeMap::new()
         } else {
             self.newest_ns.clone()

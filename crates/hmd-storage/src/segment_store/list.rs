@@ -34,6 +34,13 @@ pub fn records_segments(folder: &Path, first: u64) -> io::Result<BTreeMap<u64, S
     segments(folder, first, Kind::Records)
 }
 
+/// The number of a file with raw frames, by its name: a segment with a higher one was written later, whatever the clock.
+#[must_use]
+pub fn raw_segment_number(path: &Path) -> Option<u64> {
+    let name = path.file_name()?.to_str().and_then(Name::parse)?;
+    is_source(name, Kind::Raw).then_some(name.number)
+}
+
 /// The segments with raw frames, in the order of their writing. Nothing is locked or changed.
 ///
 /// # Errors

@@ -15,6 +15,8 @@ use super::folder::Folder;
 use super::learning::{CONFIG, MINUTE_NS, SEED, run, run_from};
 use super::lines::Lines;
 
+const DAY_NS: u64 = 24 * 60 * MINUTE_NS;
+
 fn configured(folder: &Folder, text: &str) -> Arc<Config> {
     folder.write("hmd.toml", text);
     Arc::new(load_config(folder.path("hmd.toml")).unwrap())
@@ -124,4 +126,24 @@ fn a_replaced_unit_is_not_taken_for_the_one_before() {
     assert_eq!(not_learnt, [true, true, false, false]);
     assert!(!lines.health().iter().any(|line| line.contains("learning")));
     assert_eq!(summary.windows_without_unit, 2);
+}
+
+/// A clock that was ahead, and was set right.
+#[test]
+fn a_later_run_with_earlier_stamps_is_replayed_too() {
+    let folder = Folder::new();
+    let config = configured(&folder, CONFIG);
+    let segments = folder.path("segments");
+    let mut live = run_into(&segments, EPOCH_NS + DAY_NS, &config, 3);
+    live.extend(run_into(&segments, EPOCH_NS, &config, 2));
+    let logs = raw_logs(&segments);
+    let (lines, summary) = replayed(&config, &logs);
+    assert_eq!((lines.health(), summary.loss()), (live, None));
+    // Names that say nothing leave the stamps.
+    let copies = ["one.mcap", "two.mcap"].map(|name| folder.path(name));
+    for (log, copy) in logs.iter().zip(&copies) {
+        std::fs::copy(log, copy).unwrap();
+    }
+    let loss = replayed(&config, &copies).1.loss().unwrap();
+    assert!(loss.contains("frames out of order"), "{loss}");
 }

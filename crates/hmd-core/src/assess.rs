@@ -103,6 +103,8 @@ pub struct AssessedWindow {
     pub news: Vec<News>,
     /// By what it was assessed, where the daemon learns the unit.
     pub unit: record::UnitMark,
+    /// Times of the maintenance events that were followed with it, UTC ns.
+    pub events_ns: Vec<u64>,
 }
 
 impl Assessor {
@@ -305,6 +307,7 @@ impl Assessor {
             in_a_row,
             news,
             unit: record::UnitMark::Untold,
+            events_ns: Vec::new(),
         })
     }
 

@@ -37,6 +37,8 @@ pub struct Learner {
     learnt: Vec<LearntUnit>,
     /// Actuators whose unit was replaced.
     replaced: Vec<Arc<ActuatorConfig>>,
+    /// Times of the maintenance events that are followed with the next window, UTC ns.
+    followed_ns: Vec<u64>,
     /// Actuators of which it was told that their unit is not learnt for now.
     waiting: BTreeSet<String>,
     notices: Vec<String>,
@@ -63,6 +65,7 @@ impl Learner {
             complete: None,
             learnt: Vec::new(),
             replaced: Vec::new(),
+            followed_ns: Vec::new(),
             waiting: BTreeSet::new(),
             notices: Vec::new(),
         }
@@ -92,8 +95,10 @@ impl Learner {
         actuator: &Arc<ActuatorConfig>,
         t_ns: u64,
     ) -> Result<bool, AssessError> {
+        let events_ns = assessor.histories().replacements_to_follow(actuator, t_ns);
         // A run that keeps no history, or was killed since, knows the events alone.
-        let is_void = assessor.histories().is_replaced(actuator, t_ns) || assessor.is_outdated(actuator, t_ns);
+        let is_void = !events_ns.is_empty() || assessor.is_outdated(actuator, t_ns);
+        self.followed_ns.extend(events_ns);
         if actuator.learning.is_none() || !is_void {
             return Ok(false);
         }
@@ -128,9 +133,23 @@ impl Learner {
         limit: &TimeLimit<'_>,
         not_learnt: Option<String>,
     ) -> Result<AssessedWindow, AssessError> {
+        self.follow_events(assessor, &job.actuator, job.window.t_start_ns)?;
+        let events_ns = std::mem::take(&mut self.followed_ns);
+        let mut assessed = self.assess_known(assessor, job, limit, not_learnt)?;
+        assessed.events_ns = events_ns;
+        Ok(assessed)
+    }
+
+    /// The same once the events up to the window are followed.
+    fn assess_known(
+        &mut self,
+        assessor: &mut Assessor,
+        job: WindowJob,
+        limit: &TimeLimit<'_>,
+        not_learnt: Option<String>,
+    ) -> Result<AssessedWindow, AssessError> {
         let actuator = job.actuator.clone();
         let t_ns = job.window.t_start_ns;
-        self.follow_events(assessor, &actuator, t_ns)?;
         let Some(learning) = actuator.learning.as_ref().filter(|_| !assessor.knows_unit(&actuator)) else {
             let known = self.known.get(&actuator.name).cloned();
             let mut assessed = assessor.assess_within(job, limit, &LearningProgress::None)?;

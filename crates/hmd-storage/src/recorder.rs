@@ -226,7 +226,7 @@ impl Recorder {
                     writer.write(at, &assessed.rul)?;
                     writer.write(at, &assessed.sensors)?;
                     // That a window was assessed is told by its health.
-                    if assessed.unit != UnitMark::Untold {
+                    if assessed.unit != UnitMark::Untold || !assessed.events_ns.is_empty() {
                         writer.write(at, &mark_of(assessed))?;
                     }
                     match &assessed.shortened {
@@ -446,6 +446,7 @@ fn mark_of(assessed: &AssessedWindow) -> Assessed {
         window: assessed.health.window,
         t_start_ns: assessed.health.t_start_ns,
         unit: assessed.unit.to_text().to_owned(),
+        events_ns: assessed.events_ns.clone(),
     }
 }
 

@@ -1,6 +1,7 @@
 //! File driver: the same chain as live, with time taken from the file.
 
 mod error;
+mod held_events;
 mod learnt_units;
 mod live_decisions;
 mod recorded_units;
@@ -20,6 +21,7 @@ use hmd_core::config::Config;
 use hmd_core::counted::counted;
 use hmd_core::deadline::TimeLimit;
 use hmd_core::frame::BusNames;
+use hmd_core::history::Events;
 use hmd_core::learning::Learner;
 use hmd_core::outbox::Notice;
 use hmd_core::pipeline::Pipeline;
@@ -75,6 +77,7 @@ struct Run<'a, O> {
     /// What became of windows when the logs were made.
     live: LiveDecisions,
     units: LearntUnits,
+    events: Events,
     /// Windows of the log that its run did not come to.
     left_out: u64,
     /// Newest stamp of each interface, ns: frames of a later log up to it have been seen or come out of order.
@@ -136,8 +139,9 @@ impl Replay<'_> {
         };
         let mut assessor =
             Assessor::new(self.config.clone(), load_models(&self.config)?, self.seed).with_estimator(estimator);
-        assessor.histories().set_events(load_events(&self.config)?);
+        let events = load_events(&self.config)?;
         let mut live = LiveDecisions::of(self.logs, &self.config.hash());
+        assessor.histories().set_events(live.held_events.without(&events));
         let units = LearntUnits::new(self.config.clone(), std::mem::take(&mut live.units));
         let mut run = Run {
             pipeline: Pipeline::new(self.config.clone()),
@@ -148,6 +152,7 @@ impl Replay<'_> {
             windows: 0,
             live,
             units,
+            events,
             left_out: 0,
             newest_ns: BTreeMap::new(),
             damaged_places: 0,
@@ -178,6 +183,9 @@ impl Replay<'_> {
             }
             run.live.begin_log(number);
             run.units.begin_log(number);
+            if run.live.held_events.release_before(number) {
+                run.set_events();
+            }
             run.follow_units(log, &self.config)?;
             let store_raw = self.config.output().raw_frames;
             names = run.one_log(log, source, is_after, &mut read_before, store_raw)?;
@@ -332,6 +340,13 @@ impl<O: Observer> Run<'_, O> {
                     .as_mut()
                     .map_or_else(Effort::unlimited, |grants| Effort::within(grants)),
             };
+            if self
+                .live
+                .held_events
+                .release_at(&job.actuator.name, job.window.t_start_ns)
+            {
+                self.set_events();
+            }
             let not_learnt = self.units.prepare(&mut self.learner, &mut self.assessor, &job)?;
             let assessed = self
                 .learner
@@ -353,6 +368,12 @@ impl<O: Observer> Run<'_, O> {
             self.observer.assessed(&assessed).map_err(ReplayError::Stdout)?;
         }
         Ok(())
+    }
+
+    /// The maintenance events but those that are held.
+    fn set_events(&mut self) {
+        let events = self.live.held_events.without(&self.events);
+        self.assessor.histories().set_events(events);
     }
 
     fn lost(&mut self, loss: &Loss) -> Result<(), ReplayError> {
@@ -429,6 +450,7 @@ mod tests {
             windows: 0,
             live: LiveDecisions::default(),
             units: LearntUnits::new(config.clone(), Default::default()),
+            events: Events::default(),
             left_out: 0,
             newest_ns: BTreeMap::new(),
             damaged_places: 0,

@@ -131,19 +131,20 @@ impl HistoryStore {
         self.events = events;
     }
 
-    /// Whether a maintenance event has replaced the unit of an actuator or a part of it by the time of a window, and its history has not
-    /// followed yet.
+    /// Times of the maintenance events, UTC ns, that have replaced the unit of an actuator or a part of it by the time of a window, and that its
+    /// history has not followed yet.
     #[must_use]
-    pub fn is_replaced(&self, actuator: &ActuatorConfig, t_ns: u64) -> bool {
+    pub fn replacements_to_follow(&self, actuator: &ActuatorConfig, t_ns: u64) -> Vec<u64> {
         let known = self
             .histories
             .get(&actuator.name)
             .or_else(|| self.restored.get(&actuator.name));
-        let is_new = |history: &UnitHistory| {
-            let new = |part| new_resets(&self.events.list, &actuator.name, part, history, t_ns);
-            EACH_PART_AND_THE_UNIT.into_iter().any(|part| !new(part).is_empty())
+        let new = |history: &UnitHistory| {
+            let of = |part| new_resets(&self.events.list, &actuator.name, part, history, t_ns);
+            let events = EACH_PART_AND_THE_UNIT.into_iter().flat_map(of);
+            events.map(|event| event.t_ns).collect()
         };
-        known.is_some_and(is_new)
+        known.map(new).unwrap_or_default()
     }
 
     /// Whether a maintenance event has replaced the unit of an actuator or a part of it after one time, UTC ns, and by another.

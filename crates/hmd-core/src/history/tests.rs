@@ -267,7 +267,7 @@ fn a_file_of_events_that_lost_lines_hides_no_new_event() {
         for list in [&[][..], &[first.clone(), second.clone()], std::slice::from_ref(&second)] {
             histories.set_events(events(list));
             let actuator = config.actuator_named("ema0").expect("watched");
-            assert!(!histories.is_replaced(actuator, at(300.0)));
+            assert!(histories.replacements_to_follow(actuator, at(300.0)).is_empty());
             wear_out(&mut histories, &config, 30, 32);
             assert!(histories.take_notices().is_empty());
         }

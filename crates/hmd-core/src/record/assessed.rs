@@ -14,6 +14,8 @@ message! {
         t_start_ns: u64 = 3 uint64;
         /// By what it was assessed where the daemon learns the unit ([`super::UnitMark`]).
         unit: String = 4 string;
+        /// Times of the maintenance events that were followed with it, UTC ns: replacements that reset the unit history.
+        events_ns: Vec<u64> = 5 uint64 repeated;
     }
 }
 

@@ -7,9 +7,10 @@ use std::path::{Path, PathBuf};
 
 use prost::Message;
 
+use super::held_events::HeldEvents;
 use super::recorded_units::RecordedUnits;
 use hmd_core::metadata_checksum::is_sealed;
-use hmd_core::record::{Assessed, Dropped, Ended, Health, Record, Shortened};
+use hmd_core::record::{Assessed, Dropped, Ended, Health, RawBatch, Record, Shortened};
 use hmd_storage::mcap::{McapMessage, McapMessages};
 use hmd_storage::mcap_writer::METADATA_NAME;
 use hmd_storage::recorder::{ASSESSED_KEY, ASSESSED_MARKED};
@@ -33,6 +34,8 @@ pub(super) struct LiveDecisions {
     current: Option<String>,
     /// By what each window was assessed, where the run learnt its unit.
     pub(super) units: RecordedUnits,
+    /// Maintenance events that it followed after its clock was set back.
+    pub(super) held_events: HeldEvents,
 }
 
 /// A run that marked the windows it assessed.
@@ -62,6 +65,7 @@ impl LiveDecisions {
         let mut found = Self::default();
         for log in logs {
             found.units.add_log(log.display().to_string());
+            found.held_events.add_log();
             let run = found.read(log, config_hash).unwrap_or_default();
             found.of_logs.push(run);
         }
@@ -111,6 +115,7 @@ impl LiveDecisions {
                 self.dropped.extend(key.clone());
                 decided = key.ok();
             }
+            RawBatch::SCHEMA_NAME => self.held_events.add_frames(message.log_time_ns),
             Shortened::SCHEMA_NAME => {
                 let decoded = Shortened::decode(data);
                 self.shortened
@@ -120,6 +125,7 @@ impl LiveDecisions {
                 let decoded = Assessed::decode(data);
                 if let Ok(mark) = &decoded {
                     self.units.add(mark);
+                    self.held_events.add(mark);
                 }
                 (decided, is_assessed) = (decoded.map(|record| (record.actuator, record.t_start_ns)).ok(), true);
             }

@@ -147,3 +147,26 @@ fn a_later_run_with_earlier_stamps_is_replayed_too() {
     let loss = replayed(&config, &copies).1.loss().unwrap();
     assert!(loss.contains("frames out of order"), "{loss}");
 }
+
+/// By its stamps every window is later than the replacement, by its run those of the first run are not.
+#[test]
+fn a_replacement_after_the_clock_was_set_back_is_followed_where_the_run_did() {
+    let folder = Folder::new();
+    let config = configured(
+        &folder,
+        &format!("[rul]\nstate = \"state\"\nevents = \"events.jsonl\"\n{CONFIG}"),
+    );
+    let segments = folder.path("segments");
+    let mut live = run_into(&segments, EPOCH_NS + DAY_NS, &config, 6);
+    folder.write("events.jsonl", reset(EPOCH_NS - 1));
+    live.extend(run_into(&segments, EPOCH_NS, &config, 2));
+    assert!(live[6].contains("learning, 1 of 5"), "{}", live[6]);
+    let (lines, summary) = replayed(&config, &raw_logs(&segments));
+    assert_eq!((lines.health(), summary.loss()), (live, None));
+    let followed = lines
+        .notices()
+        .iter()
+        .filter(|notice| notice.contains("history reset"))
+        .count();
+    assert_eq!(followed, 1, "{:#?}", lines.notices());
+}

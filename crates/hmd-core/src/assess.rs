@@ -201,6 +201,7 @@ impl Assessor {
             unchecked,
         } = self.explain(&mut job, is_learning, &limit.effort)?;
         let is_short = limit.effort.is_short();
+        let is_for_relations = !job.actuator.has_set_point() && job.window.quality.is_fit();
         if assessed.is_none() && is_short {
             reasons.push(format!("deadline of {} ms: not identified", limit.deadline_ms));
         }
@@ -233,8 +234,10 @@ impl Assessor {
             }
             found = Some(estimate);
         }
-        if let LearningProgress::Waits(reason) = progress {
-            reasons.push(reason.clone());
+        match progress {
+            LearningProgress::Learns(reason) if found.is_none() && is_for_relations => reasons.push(reason.clone()),
+            LearningProgress::Waits(reason) => reasons.push(reason.clone()),
+            LearningProgress::Learns(_) | LearningProgress::None => {}
         }
         // A fault vector that does not explain the data is no estimate.
         let explained = found.as_ref().filter(|estimate| !estimate.is_unmodelled());

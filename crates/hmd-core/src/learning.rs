@@ -14,7 +14,7 @@ use std::sync::Arc;
 use ema_identify::unit_calibration::UnitCalibration;
 use sha2::{Digest, Sha256};
 
-use crate::assess::{AssessError, AssessedWindow, Assessor, LearningProgress};
+use crate::assess::{AssessError, AssessedWindow, Assessor, LearningProgress, conditions};
 use crate::commissioning::{CommissioningError, SeenByType, calibrate_unit, health_by_type, in_words};
 use crate::config::{ActuatorConfig, Config};
 use crate::deadline::TimeLimit;
@@ -174,11 +174,13 @@ impl Learner {
         }
         let kept = self.windows.entry(actuator.name.clone()).or_default();
         let number = kept.len() + 1;
+        // No monitor assesses a window without set point; the relations learn from one that is fit, as by `hmd calibrate`.
+        let is_for_relations = !actuator.has_set_point() && job.window.quality.is_fit() && conditions(&job).is_ok();
         let copy = job.clone();
         let reason = format!("learning, {number} of {} windows", learning.windows);
         let mut assessed = assessor.assess_within(job, limit, &LearningProgress::Learns(reason))?;
         assessed.unit = UnitMark::Learning;
-        let is_valid = assessed.health.status != WindowStatus::Invalid.name();
+        let is_valid = is_for_relations || assessed.health.status != WindowStatus::Invalid.name();
         let seen = SeenByType::new(&assessed);
         let is_complete = is_valid && kept.keep((copy, seen), learning.windows);
         self.complete = is_complete.then_some(actuator);

@@ -423,3 +423,34 @@ fn each_of_two_drives_on_a_bus_is_heard() {
         }
     }
 }
+
+/// As `hmd calibrate` does, by the relations: no monitor follows a set point that is not there.
+#[test]
+fn a_unit_without_set_point_is_learnt() {
+    let folder = Folder::new();
+    let config = |settings: &str| {
+        format!(
+            "[type.servo270.sensors]\nsample_rate_hz = 1000\n[[actuator]]\nid = 1\nname = \"joint\"\nbus = \"can0\"\ntype = \"servo270\"\n\
+             {settings}[actuator.drive]\npreset = \"moteus\"\noutput_encoder = 1\nset_point = false\n"
+        )
+    };
+    folder.write("type.toml", config(""));
+    folder.write("unit.toml", config("calibration = \"joint.toml\"\n"));
+    folder.write("learn.toml", config("learn_windows = 6\nlearn_folder = \"units\"\n"));
+    folder.done(
+        "simulate --actuator servo270 --rate 1000 --noise 0.02 --id 1 --preset moteus --output-encoder --windows 8 --seed 3 \
+         -o healthy.log -c type.toml",
+    );
+    folder.done("calibrate healthy.log -c type.toml -o joint.toml");
+    let commissioned = folder.replayed("healthy.log -c unit.toml");
+    let learnt = folder.replayed("healthy.log -c learn.toml");
+    for (n, line) in learnt.iter().enumerate() {
+        let learning = line["reason"]
+            .as_str()
+            .unwrap()
+            .contains(&format!("learning, {} of 6 windows", n + 1));
+        assert_eq!((learning, line["health"] == "unknown"), (n < 6, n < 6), "{line}");
+    }
+    assert_eq!(learnt[7]["status"], commissioned[7]["status"], "{}", learnt[7]);
+    assert_eq!(learnt[7]["faults"], serde_json::json!([]), "{}", learnt[7]);
+}

@@ -59,6 +59,8 @@ pub struct ActuatorStream {
     continued: RunEnd,
     /// The traffic ended, so that a counter that goes back is no device that restarted.
     is_ended: bool,
+    /// The next sample is the first of a log that does not say whether it goes on.
+    is_other_log: bool,
     windowing: Windowing,
 }
 
@@ -93,6 +95,7 @@ impl ActuatorStream {
             counts: StreamCounts::default(),
             continued: RunEnd::default(),
             is_ended: false,
+            is_other_log: false,
             windowing: Windowing::Waiting,
         }
     }
@@ -230,6 +233,12 @@ impl ActuatorStream {
         self.continued = RunEnd::default();
     }
 
+    /// The frames that come are of another log: stamps alone do not tell a pause between logs from loss. To be called after
+    /// [`ActuatorStream::finish`].
+    pub fn begin_log(&mut self) {
+        self.is_other_log = true;
+    }
+
     fn nominal_hz(&self) -> f64 {
         self.actuator.params.sensors.sample_rate
     }
@@ -241,9 +250,9 @@ impl ActuatorStream {
     }
 
     /// Whether what lies before a sample is a pause, in a log that nothing counts: a recording ended and another began. On a bus, frames
-    /// are lost.
-    fn is_after_pause(&self, stamp_ns: u64) -> bool {
-        let is_of_log = self.actuator.drive_bus.is_none() && self.is_numbered_by_time();
+    /// are lost, but for those between two logs.
+    fn is_after_pause(&self, stamp_ns: u64, is_other_log: bool) -> bool {
+        let is_of_log = (is_other_log || self.actuator.drive_bus.is_none()) && self.is_numbered_by_time();
         let last = self.last.filter(|_| is_of_log);
         last.is_some_and(|(last, _)| stamp_ns.saturating_sub(last.stamp_ns) > PAUSE_NS)
     }
@@ -281,7 +290,8 @@ impl ActuatorStream {
     fn continued(&mut self, sample: &Sample, stamp_ns: u64) -> TimedSample {
         let rate = self.rate.known().filter(|_| !self.is_numbered_by_time());
         let numbered = self.numbering.next(sample.seq, stamp_ns, rate);
-        if !self.is_after_pause(stamp_ns) {
+        let is_other_log = std::mem::take(&mut self.is_other_log);
+        if !self.is_after_pause(stamp_ns, is_other_log) {
             self.counts.lost += numbered.lost;
         }
         let seq = numbered.number;

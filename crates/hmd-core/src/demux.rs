@@ -305,6 +305,13 @@ impl Demux {
         }
     }
 
+    /// The frames that come are of another log, which may be of another time. To be called after [`Demux::finish`].
+    pub fn begin_log(&mut self) {
+        for named in self.streams.values_mut() {
+            named.stream.begin_log();
+        }
+    }
+
     /// Windows ended since the last call.
     pub fn take_windows(&mut self) -> Vec<WindowJob> {
         self.outbox.take_windows()

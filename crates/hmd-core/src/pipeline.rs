@@ -107,6 +107,14 @@ impl Pipeline {
         }
     }
 
+    /// The frames that come are of another log, which may be of another time: where nothing counts the samples, what lies between is not
+    /// missing. To be called after [`Pipeline::finish`].
+    pub fn begin_log(&mut self) {
+        if let Some(demux) = &mut self.demux {
+            demux.begin_log();
+        }
+    }
+
     /// Windows ended since the last call; an empty list takes no memory.
     pub fn take_windows(&mut self) -> Vec<WindowJob> {
         self.demux.as_mut().map(Demux::take_windows).unwrap_or_default()

@@ -181,6 +181,9 @@ impl Replay<'_> {
                 run.assessor.histories().begin_run();
                 run.learner.begin_run();
             }
+            if succession == Succession::Unknown {
+                run.pipeline.begin_log();
+            }
             run.live.begin_log(number);
             run.units.begin_log(number);
             if run.live.held_events.release_before(number) {

@@ -424,6 +424,33 @@ fn each_of_two_drives_on_a_bus_is_heard() {
     }
 }
 
+/// Nothing counts their samples, and no stamp tells a pause between two logs from loss.
+#[test]
+fn a_pause_between_the_logs_of_a_drive_is_no_loss() {
+    let folder = Folder::new();
+    folder.write(
+        "hmd.toml",
+        "[type.servo270.sensors]\nsample_rate_hz = 400\n[[actuator]]\nid = 1\nname = \"joint\"\nbus = \"can0\"\ntype = \"servo270\"\n\
+         [actuator.drive]\npreset = \"moteus\"\noutput_encoder = 1\n",
+    );
+    for (name, start) in [
+        ("a", "2026-11-20T14:00Z"),
+        ("b", "2026-11-20T14:01Z"),
+        ("c", "2026-11-21T14:01Z"),
+    ] {
+        folder.done(&format!(
+            "simulate --actuator servo270 --rate 400 --id 1 --preset moteus --output-encoder --start {start} -o {name}.log -c hmd.toml"
+        ));
+    }
+    let lines = folder.done("replay a.log b.log c.log -c hmd.toml --json");
+    assert_eq!(lines.lines().count(), 3, "{lines}");
+    // In one log the frames between are lost.
+    let both = [folder.read("a.log"), folder.read("b.log")].concat();
+    folder.write("both.log", both);
+    let ended = folder.hmd("replay both.log -c hmd.toml");
+    assert!(ended.code == 3 && ended.stderr.contains("samples"), "{}", ended.stderr);
+}
+
 /// As `hmd calibrate` does, by the relations: no monitor follows a set point that is not there.
 #[test]
 fn a_unit_without_set_point_is_learnt() {

@@ -1,6 +1,6 @@
 //! Reads and writes the file of maintenance events: one JSON object a line, appended only. A replaced part resets the history.
 
-use std::fs::{File, OpenOptions};
+use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
@@ -19,6 +19,14 @@ pub enum EventError {
     /// The file cannot be read or written.
     #[error("{path}: {source}")]
     Io {
+        /// The file.
+        path: String,
+        /// Error of the operating system.
+        source: io::Error,
+    },
+    /// An event cannot be added.
+    #[error("{path}: the event is not noted: {source}")]
+    Append {
         /// The file.
         path: String,
         /// Error of the operating system.
@@ -100,6 +108,7 @@ pub fn load_events(config: &Config) -> Result<Events, EventError> {
 /// [`EventError`].
 pub fn append(path: &Path, event: &Event) -> Result<(), EventError> {
     read(path)?;
+    let was_there = path.exists();
     let put = || {
         let is_new = !path.exists();
         let mut file = OpenOptions::new().create(true).read(true).append(true).open(path)?;
@@ -109,9 +118,13 @@ pub fn append(path: &Path, event: &Event) -> Result<(), EventError> {
         file.sync_data()?;
         if is_new { sync_folder_of(path) } else { Ok(()) }
     };
-    put().map_err(|source| EventError::Io {
-        path: path.display().to_string(),
-        source,
+    put().map_err(|source| {
+        // A full disk takes the name of a file, and nothing in it.
+        if !was_there && fs::metadata(path).is_ok_and(|about| about.len() == 0) {
+            let _ = fs::remove_file(path);
+        }
+        let path = path.display().to_string();
+        EventError::Append { path, source }
     })
 }
 

@@ -87,7 +87,10 @@ struct Misuse(String);
 pub fn code_of(error: &anyhow::Error) -> u8 {
     // What the assessor refuses comes from the configuration: a calibration it names, its search, its levels.
     let by_assessor = error.downcast_ref::<AssessError>().is_some()
-        || error.downcast_ref::<EventError>().is_some()
+        || matches!(
+            error.downcast_ref(),
+            Some(EventError::Io { .. } | EventError::Line { .. })
+        )
         || matches!(
             error.downcast_ref(),
             Some(ReplayError::Assess(_) | ReplayError::Events(_))

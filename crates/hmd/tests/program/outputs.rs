@@ -100,6 +100,22 @@ fn events_go_to_a_file_of_events_alone() {
     }
 }
 
+/// A disk that takes nothing, as a full one.
+#[test]
+fn an_event_that_cannot_be_noted_is_no_bad_configuration() {
+    let folder = recorded();
+    let full = format!(
+        "trap '' XFSZ; ulimit -f 0; {} event --reset ema3 -c hmd.toml",
+        env!("CARGO_BIN_EXE_hmd")
+    );
+    let mut shell = std::process::Command::new("sh");
+    let ended = shell.args(["-c", &full]).current_dir(folder.path("")).output().unwrap();
+    let stderr = String::from_utf8(ended.stderr).unwrap();
+    assert_eq!(ended.status.code(), Some(1), "{stderr}");
+    assert!(stderr.contains("events.jsonl: the event is not noted: "), "{stderr}");
+    assert!(!folder.path("events.jsonl").exists());
+}
+
 #[test]
 fn an_output_that_cannot_be_finished_leaves_the_old_file() {
     let folder = recorded();

@@ -22,6 +22,7 @@ use crate::sensor_checks::rivals::{
     reversed_current, rivals,
 };
 use crate::sensor_checks::{Contradiction, Suspect, Suspicion, contradictions};
+use crate::window::WindowQuality;
 
 /// Monitor runs that tell which of several readings is the likeliest: a healthy actuator with each of them, and two descents.
 const LIKELIEST_RUNS: u64 = 400;
@@ -78,7 +79,15 @@ impl Assessor {
     ) -> Result<Explained, AssessError> {
         let (mut suspects, mut reasons) = (Vec::new(), Vec::new());
         if !job.actuator.has_set_point() && !self.has_relations(job) {
-            reasons.push(NO_MONITOR.to_owned());
+            match &job.window.quality {
+                // What is wrong with the window itself, a calibration does not mend.
+                WindowQuality::Invalid(invalidity) => {
+                    suspects.extend(Suspect::of_invalidity(invalidity));
+                    reasons.push(invalidity.to_string());
+                }
+                _ if is_learning => {}
+                _ => reasons.push(NO_MONITOR.to_owned()),
+            }
             return Ok(Explained::invalid(suspects, reasons));
         }
         let by_signals = if job.window.quality.is_fit() {

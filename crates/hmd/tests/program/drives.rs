@@ -481,3 +481,21 @@ fn a_unit_without_set_point_is_learnt() {
     assert_eq!(learnt[7]["status"], commissioned[7]["status"], "{}", learnt[7]);
     assert_eq!(learnt[7]["faults"], serde_json::json!([]), "{}", learnt[7]);
 }
+
+/// Steps of 0.1 A, as a VESC reports its current, are coarse for a small motor: what is wrong with the windows is said.
+#[test]
+fn windows_without_set_point_that_are_not_fit_say_why() {
+    let folder = Folder::new();
+    folder.write(
+        "hmd.toml",
+        "[type.servo270.sensors]\nsample_rate_hz = 1000\n[[actuator]]\nid = 1\nname = \"joint\"\nbus = \"can0\"\ntype = \"servo270\"\n\
+         [actuator.drive]\npreset = \"vesc\"\nset_point = false\n",
+    );
+    folder.done(
+        "simulate --actuator servo270 --rate 1000 --noise 0.02 --id 1 --preset vesc --windows 5 --seed 3 -o small.log -c hmd.toml",
+    );
+    let ended = folder.hmd("calibrate small.log -c hmd.toml -o joint.toml");
+    assert_eq!(ended.code, 1, "{}", ended.stderr);
+    assert!(ended.stderr.contains("joint: window 0: left out: "), "{}", ended.stderr);
+    assert!(!ended.stderr.contains("(hmd calibrate)"), "{}", ended.stderr);
+}

@@ -195,6 +195,30 @@ fn signals_of_several_rates_are_interpolated_and_their_error_is_said() {
 }
 
 #[test]
+fn values_eight_samples_apart_are_neighbours_whatever_their_times_are_rounded_to() {
+    let text = std::fs::read_to_string(folder().join("samples.csv")).expect("a fixture");
+    let rows = text.lines().enumerate().map(|(n, line)| {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        if n > 0 && n % 8 != 1 {
+            cells[7] = String::new();
+        } else if n % 16 == 1 {
+            // The clock is read 20 µs late with every second value.
+            let (seconds, micros) = cells[0].split_once('.').expect("a time");
+            cells[0] = format!("{seconds}.{:06}", micros.parse::<u32>().expect("microseconds") + 20);
+        }
+        cells.join(",") + "\n"
+    });
+    let file = tempfile::Builder::new().suffix(".csv").tempfile().unwrap();
+    std::fs::write(file.path(), rows.collect::<String>()).unwrap();
+    let resampled = config(&[], "resample = true");
+    let found = windows(file.path().to_str().unwrap(), &resampled);
+    let [window] = &found[..] else {
+        panic!("{}", found.len())
+    };
+    assert!(window.window.quality.is_fit(), "{}", window.window.quality);
+}
+
+#[test]
 fn currents_of_the_rotor_frame_become_phases() {
     let text = std::fs::read_to_string(folder().join("samples.csv")).expect("a fixture");
     let config_dq = config(

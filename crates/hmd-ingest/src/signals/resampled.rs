@@ -1,7 +1,7 @@
 //! [`Resampled`]: a log whose signals have their values at different times -> rows at the times of its currents, or at even times.
 //!
 //! A row is a sample where the base ([`Base`]) has one. Between their own values the other signals lie on their [`Course`]. Values further apart
-//! than [`STEPS_MAX`] samples are no neighbours: what lies between them is missing.
+//! than [`STEPS_MAX`] samples, and half a one by rounding and jitter, are no neighbours: what lies between them is missing.
 
 use std::collections::VecDeque;
 
@@ -12,6 +12,9 @@ use hmd_core::log_map::RotorFrame;
 
 /// Most samples between two values of one signal.
 pub(super) const STEPS_MAX: f64 = 8.0;
+
+/// What rounding and jitter of their times add to that, samples.
+const STEPS_MARGIN: f64 = 0.5;
 
 /// First rows that show how far apart the values of each signal are.
 const FIRST_ROWS: usize = 256;
@@ -128,7 +131,8 @@ impl Resampled {
             }
         }
         let rows = || self.ahead.iter().filter_map(|(_, row)| row.as_ref().ok());
-        let step_max = self.step_max();
+        let Base::Even { step } = self.base else { return None };
+        let step_max = STEPS_MAX * step;
         let curves = self.courses.iter().enumerate().filter(|(_, course)| course.is_curve());
         let steps = |n: usize| {
             let times: Vec<f64> = rows()
@@ -153,7 +157,7 @@ impl Resampled {
             Base::Column(_) => self.usual_step.median.unwrap_or(f64::INFINITY),
             Base::Even { step } => step,
         };
-        STEPS_MAX * step
+        (STEPS_MAX + STEPS_MARGIN) * step
     }
 
     /// Whether the oldest row waits for nothing.

@@ -19,7 +19,7 @@ pub struct Joined<'a> {
     pub since: Vec<&'a Event>,
     /// Replacements before the newest window that no window knows of.
     pub entered_late: Vec<&'a Event>,
-    /// Whether recordings overlap in time ([`Newest::overlap`]).
+    /// Whether recordings overlap in time.
     pub overlap: bool,
 }
 

@@ -20,7 +20,7 @@ use super::torque::{Balance, balance};
 use super::wiring::{far_zero, other_wiring};
 use crate::outbox::WindowJob;
 use crate::window::{Defect, Invalidity, WindowQuality};
-use of_angles::{of_precise_ratio, of_ratio, of_setpoint};
+use of_angles::{of_motor_time, of_precise_ratio, of_ratio, of_setpoint};
 use of_currents::{of_currents, of_far_zero, of_limit, of_sum, of_wiring};
 
 /// One mistake that a window shows.
@@ -66,7 +66,7 @@ pub fn examine(job: &WindowJob) -> Vec<Finding> {
     if job.actuator.has_output_angle()
         && let Some(time) = motor_time(&signals, params)
     {
-        return vec![time.into()];
+        return vec![of_motor_time(time)];
     }
     if let Some(far) = far_zero(&signals, params) {
         return vec![of_far_zero(params, &far)];

@@ -7,39 +7,21 @@
 
 use ema_models::ActuatorParams;
 
-use super::correction::Correction;
-use super::findings::Finding;
 use super::flank::{Flank, REVERSAL_COUNTS};
 use super::gear_ratio::bending;
 use super::least_squares::fit;
 use super::signals::{Row, Signals};
-use super::suspect::Suspect;
 use super::wiring::{LATE_MAX_S, LEFT, OFF_AXIS_LATE, Wiring, best_lateness, share_on_torque_axis};
 
 /// A motor angle that is late against the other signals.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct MotorTime {
     /// Time, s; negative where it is early.
-    late_s: f64,
+    pub(super) late_s: f64,
     /// The same in samples.
-    late: isize,
+    pub(super) late: isize,
     /// Whether the log has the currents in the rotor's frame.
-    in_rotor_frame: bool,
-}
-
-impl From<MotorTime> for Finding {
-    fn from(time: MotorTime) -> Self {
-        let age = if time.late_s > 0.0 { "older" } else { "newer" };
-        let evidence = format!(
-            "the motor angle seems to be {:.2} ms {age} than currents and output angle",
-            1e3 * time.late_s.abs()
-        );
-        let correction = Correction::MotorAngle {
-            late: time.late,
-            turns_currents: time.in_rotor_frame,
-        };
-        Self::new(Suspect::SampleOrder, &evidence, Some(correction))
-    }
+    pub(super) in_rotor_frame: bool,
 }
 
 /// Standard deviations of a time that chance does not make.

@@ -10,7 +10,7 @@ use super::history::{History, hours_of};
 use super::markup::wide_table;
 use super::plot::escaped;
 use super::recommendation::friction_replaced;
-use super::rules::Rules;
+use super::rules::{Rules, level_of};
 use super::sections::NORMAL_95;
 use super::words::hours;
 use super::zone::Zone;
@@ -113,12 +113,6 @@ fn level(shown: Option<Shown>, mode: Option<&FaultMode>, state: HealthState, new
     } else {
         state.to_string()
     }
-}
-
-/// The level of a damage by itself.
-pub(super) fn level_of(damage: f64, mode: &FaultMode) -> HealthState {
-    let reached = mode.severity.iter().rfind(|severity| damage >= severity.damage);
-    reached.map_or(HealthState::Nominal, |severity| severity.class)
 }
 
 /// Why a fault has no hours left.

@@ -2,7 +2,7 @@
 
 use ema_models::FaultId;
 use hmd_core::catalogue::{FaultMode, catalogue};
-use hmd_core::health::Levels;
+use hmd_core::health::{HealthState, Levels};
 
 /// Levels and texts of the faults, and the level of the remaining life.
 pub(super) struct Rules {
@@ -32,6 +32,12 @@ impl Rules {
     pub(super) fn of_windows(&self, fault: FaultId) -> Option<&FaultMode> {
         self.are_levels_of_windows.then(|| self.of(fault))
     }
+}
+
+/// The level of a damage by itself.
+pub(super) fn level_of(damage: f64, mode: &FaultMode) -> HealthState {
+    let reached = mode.severity.iter().rfind(|severity| damage >= severity.damage);
+    reached.map_or(HealthState::Nominal, |severity| severity.class)
 }
 
 #[cfg(test)]

@@ -5,8 +5,22 @@ use ema_models::ActuatorParams;
 use super::{Finding, suspicion};
 use crate::sensor_checks::angles::{SetpointError, followed_to_rest, output_over_setpoint, setpoint_error};
 use crate::sensor_checks::correction::Correction;
+use crate::sensor_checks::motor_time::MotorTime;
 use crate::sensor_checks::signals::Signals;
 use crate::sensor_checks::suspect::Suspect;
+
+pub(super) fn of_motor_time(time: MotorTime) -> Finding {
+    let age = if time.late_s > 0.0 { "older" } else { "newer" };
+    let evidence = format!(
+        "the motor angle seems to be {:.2} ms {age} than currents and output angle",
+        1e3 * time.late_s.abs()
+    );
+    let correction = Correction::MotorAngle {
+        late: time.late,
+        turns_currents: time.in_rotor_frame,
+    };
+    Finding::new(Suspect::SampleOrder, &evidence, Some(correction))
+}
 
 /// Deviation of the ratio of output and motor from 1 that is no play.
 const RATIO_OFF: f64 = 0.08;

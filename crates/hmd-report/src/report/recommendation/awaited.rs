@@ -2,9 +2,8 @@
 
 use ema_models::FaultId;
 
-use super::super::fault_table::level_of;
 use super::super::history::History;
-use super::super::rules::Rules;
+use super::super::rules::{Rules, level_of};
 use super::super::words::with_capital;
 use super::left::Left;
 

@@ -219,7 +219,7 @@ pub(super) const ELECTRICAL_STARTS: [&str; 2] = ["electrical", "elektr"];
 pub(super) const ELECTRICAL_ENDS: [&str; 7] = ["thetael", "thetae", "anglee", "angleel", "elangle", "phiel", "phie"];
 
 /// Parts of the names of temperatures of the winding, and of other parts of a motor.
-pub(super) const WINDING: [&str; 4] = ["winding", "wicklung", "stator", "coil"];
+pub(super) const WINDING: [&str; 6] = ["winding", "wicklung", "wdg", "wndg", "stator", "coil"];
 pub(super) const BESIDE_WINDING: [&str; 12] = [
     "housing", "case", "ambient", "bearing", "inverter", "driver", "board", "fet", "gear", "oil", "encoder", "magnet",
 ];

@@ -112,6 +112,7 @@ fn what_needs_a_scale_and_what_may_be_another_is_doubtful() {
         ("output_speed_set", "rpm", CommandSpeed, OtherSide),
         ("output_angle_ref", "deg", CommandPosition, No),
         ("T_winding", "degC", WindingTemp, No),
+        ("Twdg", "degC", WindingTemp, No),
         ("T_motor", "degC", WindingTemp, Word),
         ("Strom_U", "A", CurrentA, No),
         ("I_a_filt", "A", CurrentA, Word),

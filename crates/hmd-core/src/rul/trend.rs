@@ -394,6 +394,33 @@ mod tests {
         assert!(found[13..].iter().all(|ended| *ended), "{found:?}");
     }
 
+    /// A file of before the newest estimates were kept, in the middle of a jump: the estimate that ends it begins the new trend alone.
+    #[test]
+    fn a_jump_that_an_older_file_had_begun_goes_on_from_one_estimate() {
+        let at = |n: u32| Odometer {
+            hours: n.into(),
+            cycles: n.into(),
+            work_j: n.into(),
+        };
+        let mut trend = Trend::new(0.8);
+        for n in 0..30 {
+            trend.update(at(n), 0.1, 0.005);
+        }
+        for n in 30..33 {
+            trend.update(at(n), 0.5, 0.005);
+        }
+        assert_eq!((trend.misfits, trend.jumps), (3, 0));
+        let mut stored = serde_json::to_value(&trend).expect("numbers");
+        stored.as_object_mut().expect("fields").remove("recent");
+        let mut trend: Trend = serde_json::from_value(stored).expect("a trend");
+        trend.update(at(33), 0.5, 0.005);
+        assert!(trend.jumps == 1 && (trend.damage() - 0.5).abs() < 1e-12, "{trend:?}");
+        for n in 34..40 {
+            trend.update(at(n), 0.5, 0.005);
+            assert!(trend.is_possible() && (trend.damage() - 0.5).abs() < 0.01, "{trend:?}");
+        }
+    }
+
     #[test]
     fn a_stored_trend_that_cannot_have_come_about_is_refused() {
         type Change = fn(&mut Trend);

@@ -21,7 +21,7 @@ fn held_for(slots: &[Slot], counter: Counter) -> Option<usize> {
         };
         if let Some((seq, last)) = before
             && counts.abs_diff(last) > MOVED_COUNTS
-            && sample.seq == seq + 1
+            && sample.seq.checked_sub(1) == Some(seq)
         {
             let since = moved_last.replace(sample.seq);
             intervals.extend(since.map(|since| sample.seq - since));

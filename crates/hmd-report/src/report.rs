@@ -4,6 +4,7 @@
 //! [`commissioning_page`] shows what was learnt of a unit.
 
 mod axis;
+mod clock_doubt;
 mod commissioning;
 mod doubt;
 mod fault_table;

@@ -9,6 +9,8 @@ use hmd_core::history::{FELL, ReplacedPart};
 use hmd_core::newest::Newest;
 use hmd_core::record::{Estimate, Health, Rul, Sensors, Window};
 
+use super::clock_doubt::ClockDoubt;
+
 /// One window of a history.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Point {
@@ -80,32 +82,6 @@ pub struct History {
     pub overlaps: bool,
     /// Why the order of its recordings, which is that of their stamps, may be wrong.
     pub clock_doubts: Vec<ClockDoubt>,
-}
-
-/// Why a recording may stand at the wrong time.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum ClockDoubt {
-    /// Its newest window is after the present.
-    Ahead {
-        /// Name of the file.
-        file: String,
-        /// Start of that window, UTC ns.
-        t_ns: u64,
-    },
-    /// Its windows step back, or far ahead.
-    Step {
-        /// Name of the file.
-        file: String,
-        /// Starts of the windows before and after the step, UTC ns.
-        t_ns: [u64; 2],
-    },
-    /// It is far from the recording before it.
-    Far {
-        /// Names of the files of both, the earlier one first.
-        files: [String; 2],
-        /// Days between them.
-        days: u64,
-    },
 }
 
 /// A replacement that was entered.

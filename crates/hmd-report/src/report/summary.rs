@@ -9,9 +9,10 @@ use hmd_core::health::HealthState;
 use hmd_core::record::{Rul, SensorReading};
 use hmd_core::sensor_health::SensorQuantity;
 
+use super::clock_doubt::clock_sentence;
 use super::doubt::{in_doubt, is_shown_before};
 use super::fault_table::percent_of;
-use super::history::{ClockDoubt, History, Unassessed, hours_of, is_elapsed};
+use super::history::{History, Unassessed, hours_of, is_elapsed};
 use super::plot::escaped;
 use super::recommendation::{Recommendation, drifting};
 use super::words::{duration, durations, with_capital};
@@ -59,7 +60,7 @@ pub(super) fn headline(advice: &Recommendation, history: &History, zone: &Zone) 
     if history.overlaps {
         let _ = write!(text, "<br>{OVERLAP}");
     }
-    if let Some(doubts) = clock_doubts(history, zone) {
+    if let Some(doubts) = clock_sentence(&history.clock_doubts, zone) {
         let _ = write!(text, "<br>{}", escaped(&doubts));
     }
     if let Some(since) = advice.since_ns {
@@ -108,32 +109,6 @@ pub(super) fn headline(advice: &Recommendation, history: &History, zone: &Zone) 
     }
     let _ = writeln!(text, "<br>{}</p>", escaped(&remaining_life(advice, history, zone)));
     text
-}
-
-/// Most recordings that are named whose clock may be wrong.
-const DOUBTS_MAX: usize = 3;
-
-/// Which recordings may stand at the wrong time, in sentences.
-fn clock_doubts(history: &History, zone: &Zone) -> Option<String> {
-    let doubt = |doubt: &ClockDoubt| match doubt {
-        ClockDoubt::Step {
-            file,
-            t_ns: [before, after],
-        } => format!(
-            "{file} steps from {} to {}, and hours and dates of a forecast may be wrong by that",
-            zone.minute(*before),
-            zone.minute(*after)
-        ),
-        ClockDoubt::Ahead { file, t_ns } => format!("{file} ends {}, after the present", zone.minute(*t_ns)),
-        ClockDoubt::Far { files: [a, b], days } => format!("{days} days lie between {a} and {b}"),
-    };
-    let doubts: Vec<String> = history.clock_doubts.iter().take(DOUBTS_MAX).map(doubt).collect();
-    (!doubts.is_empty()).then(|| {
-        format!(
-            "Recordings stand in the order of their time stamps: {}. Where a clock was wrong, newer windows stand before others.",
-            doubts.join("; ")
-        )
-    })
 }
 
 /// The faults that no window has shown, and those that a window put in doubt, since when and why. What was replaced has its own sentence.
@@ -298,6 +273,7 @@ mod tests {
     use super::super::recommendation::recommendation;
     use super::super::rules::Rules;
     use super::*;
+    use crate::report::clock_doubt::ClockDoubt;
     use hmd_core::history::ReplacedPart;
     use hmd_core::record::Health;
 

@@ -6,7 +6,8 @@ use std::collections::BTreeMap;
 use hmd_core::history::Event;
 use hmd_core::newest::Newest;
 
-use super::history::{ClockDoubt, History, Replacement};
+use super::clock_doubt::{Dated, clock_doubts};
+use super::history::{History, Replacement};
 use super::replacements::{Maintenance, SERIAL};
 
 /// What one file says of one actuator, and the serial number that its writer's configuration had for it.
@@ -66,7 +67,11 @@ pub(super) fn by_unit(parts: Vec<Part>, maintenance: &Maintenance<'_>) -> BTreeM
 /// with the later one.
 fn joined(actuator: String, mut recordings: Vec<Part>, maintenance: &Maintenance<'_>) -> History {
     recordings.sort_by_key(|recording| recording.history.newest.order());
-    let clock_doubts = clock_doubts(&recordings, maintenance.now_ns);
+    let dated = recordings.iter().map(|recording| Dated {
+        file: &recording.file,
+        times_ns: recording.history.points.iter().map(|point| point.t_start_ns).collect(),
+    });
+    let clock_doubts = clock_doubts(&dated.collect::<Vec<_>>(), maintenance.now_ns);
     let mut unit = None;
     let mut newest = Vec::new();
     for recording in &mut recordings {
@@ -112,59 +117,6 @@ fn newest_of_each(events: Vec<&Event>) -> Vec<Replacement> {
         });
     }
     newest
-}
-
-/// Days between two recordings from which on one of them may have had a wrong clock.
-const FAR_DAYS: u64 = 365;
-
-/// Nanoseconds of a day.
-const NS_PER_DAY: u64 = 86_400_000_000_000;
-
-/// Nanoseconds by which windows of a recording step back that may have had a wrong clock.
-const STEP_BACK_NS: u64 = NS_PER_DAY;
-
-/// The first step of the windows of a recording that tells of a wrong clock.
-fn first_step(recording: &Part) -> Option<ClockDoubt> {
-    let times = recording.history.points.windows(2);
-    let mut steps = times.map(|pair| [pair[0].t_start_ns, pair[1].t_start_ns]);
-    let is_wrong = |&[before, after]: &[u64; 2]| {
-        before.saturating_sub(after) >= STEP_BACK_NS || after.saturating_sub(before) >= FAR_DAYS * NS_PER_DAY
-    };
-    let t_ns = steps.find(is_wrong)?;
-    let file = recording.file.clone();
-    Some(ClockDoubt::Step { file, t_ns })
-}
-
-/// Recordings in the order of their stamps that stand after the present, UTC ns, or far from the one before, and those whose windows step.
-fn clock_doubts(recordings: &[Part], now_ns: u64) -> Vec<ClockDoubt> {
-    let dated = recordings
-        .iter()
-        .filter_map(|part| Some((&part.file, part.history.period_ns()?)));
-    let mut dated: Vec<(&String, [u64; 2])> = dated.collect();
-    let ahead = dated.iter().filter(|(_, [_, last])| *last > now_ns);
-    let mut doubts: Vec<ClockDoubt> = ahead
-        .map(|&(file, [_, t_ns])| ClockDoubt::Ahead {
-            file: file.clone(),
-            t_ns,
-        })
-        .collect();
-    doubts.extend(recordings.iter().filter_map(first_step));
-    dated.sort_by_key(|(_, period)| *period);
-    // The latest end so far.
-    let mut before: Option<(&String, u64)> = None;
-    for (file, [first, last]) in dated {
-        if let Some((file_before, end)) = before {
-            let days = first.saturating_sub(end) / NS_PER_DAY;
-            if days >= FAR_DAYS {
-                doubts.push(ClockDoubt::Far {
-                    files: [file_before.clone(), file.clone()],
-                    days,
-                });
-            }
-        }
-        before = Some((file, last)).into_iter().chain(before).max_by_key(|(_, end)| *end);
-    }
-    doubts
 }
 
 #[cfg(test)]
@@ -465,39 +417,5 @@ mod tests {
         // Windows from a clock ahead of now.
         assert_eq!(entered(&[(17, 1.0, ""), (18, 2.0, "")], 10), (0, 1));
         assert_eq!(entered(&[(5, 1.0, "")], 10), (1, 0));
-    }
-
-    #[test]
-    fn recordings_that_may_have_a_wrong_clock_are_named() {
-        let of = |file: &str, days: [u64; 2]| Part {
-            file: file.to_owned(),
-            ..part(None, &days.map(|day| day * NS_PER_DAY))
-        };
-        let doubts = |parts: Vec<Part>, today: u64| clock_doubts(&parts, today * NS_PER_DAY);
-        let far = |files: [&str; 2], days: u64| ClockDoubt::Far {
-            files: files.map(str::to_owned),
-            days,
-        };
-        let stepped = Part {
-            file: "s".to_owned(),
-            ..part(None, &[100, 120, 20, 122].map(|day| day * NS_PER_DAY))
-        };
-        let step = ClockDoubt::Step {
-            file: "s".to_owned(),
-            t_ns: [120, 20].map(|day| day * NS_PER_DAY),
-        };
-        assert_eq!(doubts(vec![stepped], 2000), [step]);
-        let in_order = || vec![of("a", [1000, 1010]), of("c", [1005, 1020]), of("d", [1300, 1301])];
-        assert_eq!(doubts(in_order(), 2000), []);
-        let mut parts = in_order();
-        parts.push(of("b", [2900, 2901]));
-        let ahead = ClockDoubt::Ahead {
-            file: "b".to_owned(),
-            t_ns: 2901 * NS_PER_DAY,
-        };
-        assert_eq!(doubts(parts, 2000), [ahead, far(["d", "b"], 1599)]);
-        let mut parts = in_order();
-        parts.push(of("b", [0, 1]));
-        assert_eq!(doubts(parts, 2000), [far(["b", "a"], 999)]);
     }
 }

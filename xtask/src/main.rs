@@ -119,8 +119,11 @@ enum Verb {
     Firmware,
     /// Fuzzing of every reader, seconds each; needs a nightly compiler.
     Fuzz,
-    /// The same for half an hour each.
-    FuzzLong,
+    /// The same without a sanitiser, ten million times each; hours.
+    FuzzLong {
+        /// One reader alone.
+        target: Option<String>,
+    },
     /// Branches of the modules that a verdict rests on, taken by tests; needs a nightly compiler.
     Coverage,
     /// Changes to the modules that a verdict rests on, one at a time: whether a test sees them.
@@ -194,8 +197,8 @@ fn main() -> ExitCode {
         Verb::Can => can::check(),
         Verb::Target { all } => target::check(all),
         Verb::Firmware => firmware::check(),
-        Verb::Fuzz => fuzz::check(false),
-        Verb::FuzzLong => fuzz::check(true),
+        Verb::Fuzz => fuzz::check(),
+        Verb::FuzzLong { target } => fuzz::check_long(target.as_deref()),
         Verb::Miri => miri::check(),
         Verb::Coverage => coverage::check(),
         Verb::Mutants { module } => mutants::check(module.as_deref()),

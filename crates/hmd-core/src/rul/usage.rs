@@ -1,5 +1,7 @@
 //! How much an actuator is used: hours, cycles and work, and at what rate.
 
+use std::iter;
+
 use serde::{Deserialize, Serialize};
 
 use super::law::Clock;
@@ -42,11 +44,20 @@ impl Odometer {
     }
 }
 
-/// Readings kept. When they are full, every other one is dropped.
+/// Readings kept. When they are full, half of them are dropped.
 const READINGS: usize = 64;
 
 /// Share of the hours so far that counts as now.
 const RECENT: f64 = 0.05;
+
+/// Fewest bursts of actuations over which their rate is taken, where there were so many.
+const BURSTS: usize = 2;
+
+/// Use an hour within a burst, at least so many times the usual…
+const WITHIN_BURST: f64 = 1.5;
+
+/// …which is that of the recent hours, and at least of so many times the longest step.
+const USUAL_STEPS: f64 = 4.0;
 
 /// Pieces of the past whose work rates are compared.
 const QUARTERS: usize = 4;
@@ -95,14 +106,20 @@ impl Usage {
             self.squared_steps += (at.hours - last.hours).powi(2);
         }
         if self.readings.len() == READINGS {
-            // The first stays, and the newest, from which the next step is measured.
-            let mut n = 0;
-            self.readings.retain(|_| {
-                n += 1;
-                n == 1 || n % 2 == 0
-            });
+            self.keep_half();
         }
         self.readings.push(at);
+    }
+
+    /// Drops half of the readings, one at a time that has the shortest step before it: those within a burst go before its beginning. The first
+    /// stays, and the newest, from which the next step is measured.
+    fn keep_half(&mut self) {
+        while self.readings.len() > READINGS / 2 {
+            let step = |n: usize| self.readings[n].hours - self.readings[n - 1].hours;
+            let shortest = (1..self.readings.len() - 1).min_by(|a, b| step(*a).total_cmp(&step(*b)));
+            let Some(dropped) = shortest else { return };
+            self.readings.remove(dropped);
+        }
     }
 
     /// The newest reading.
@@ -112,20 +129,52 @@ impl Usage {
     }
 
     /// Rates of late; `None` before there are two readings.
+    ///
+    /// Actuations often come in bursts, as before and after a flight. Up to the first actuation of a burst there is one pause more than there
+    /// are bursts, which would make the rate too small, so that it is taken from the beginning of a burst to that of a later one. A burst that
+    /// goes on counts once it has more than its share of use.
     #[must_use]
     pub fn rate(&self) -> Option<UseRate> {
         let (last, earlier) = self.readings.split_last()?;
         let all = last.since(earlier.first()?);
-        let is_recent = |reading: &&Odometer| last.hours - reading.hours >= RECENT * all.hours;
-        let from = earlier.iter().rev().skip(1).find(is_recent).or(earlier.first())?;
-        let recent = last.since(from);
+        let (bursts, newest, whole) = self.whole_bursts(RECENT * all.hours)?;
+        let going_on = last.since(&newest);
+        let with_it_h = whole.hours + going_on.hours.max(whole.hours / bursts);
+        let rate = |whole_use: f64, going_on: f64| (whole_use / whole.hours).max((whole_use + going_on) / with_it_h);
         Some(UseRate {
-            cycles_per_hour: recent.cycles / recent.hours,
-            work_j_per_hour: recent.work_j / recent.hours,
+            cycles_per_hour: rate(whole.cycles, going_on.cycles),
+            work_j_per_hour: rate(whole.work_j, going_on.work_j),
             step_hours: self.squared_steps / all.hours,
             log_sigma: self.log_sigma(),
             observed_h: all.hours,
         })
+    }
+
+    /// Number of bursts, the beginning of the newest, and the use between the beginning of the first and that: over at least these hours and
+    /// [`BURSTS`] bursts, or as many as there are. Within a burst there is more use an hour than is usual, so that steady use is all beginnings.
+    fn whole_bursts(&self, recent_h: f64) -> Option<(f64, Odometer, Odometer)> {
+        let (first, later) = self.readings.split_first()?;
+        let steps = || later.iter().zip(&self.readings).map(|(to, from)| (*to, to.since(from)));
+        let of_last = |hours: f64| {
+            steps()
+                .filter(move |(to, _)| to.hours >= self.now().hours - hours)
+                .map(|(_, step)| step)
+        };
+        let longest_h = of_last(recent_h).fold(0.0, |longest: f64, step| longest.max(step.hours));
+        let usual = of_last(recent_h.max(USUAL_STEPS * longest_h));
+        let [cycles, hours] = usual.fold([0.0; 2], |sum, step| [sum[0] + step.cycles, sum[1] + step.hours]);
+        let begins = |(_, step): &(Odometer, Odometer)| step.cycles * hours <= WITHIN_BURST * cycles * step.hours;
+        let begun: Vec<Odometer> = iter::once(*first)
+            .chain(steps().filter(begins).map(|(to, _)| to))
+            .collect();
+        let (newest, earlier) = begun.split_last()?;
+        let is_recent = |from: &Odometer| newest.hours - from.hours >= recent_h;
+        let latest_from = earlier.len().checked_sub(BURSTS).unwrap_or_default();
+        let from = (0..=latest_from)
+            .rev()
+            .find(|n| is_recent(&begun[*n]))
+            .unwrap_or_default();
+        (from < earlier.len()).then(|| ((earlier.len() - from) as f64, *newest, newest.since(&begun[from])))
     }
 
     /// Spread of the work rate to come, from its steps between quarters of the past, as of a random walk: the mean over
@@ -203,6 +252,44 @@ mod tests {
         let rate = usage.rate().expect("two readings");
         assert!((rate.cycles_per_hour - 20.0).abs() < 1e-9);
         assert!(rate.log_sigma > 0.3, "{}", rate.log_sigma);
+    }
+
+    #[test]
+    fn use_in_bursts_has_one_rate_within_a_burst_and_between() {
+        for per_day in [1_u32, 2, 3, 4, 7] {
+            let mut usage = Usage::default();
+            let mut cycles = 0.0;
+            for (day, n) in (0..60).flat_map(|day| (0..per_day).map(move |n| (day, n))) {
+                cycles += 1.0;
+                usage.update(Odometer {
+                    hours: 24.0 * f64::from(day) + f64::from(n) / 3600.0,
+                    cycles,
+                    work_j: 50.0 * cycles,
+                });
+                if day >= 10 {
+                    let rate = usage.rate().expect("two readings");
+                    let ratio = 24.0 * rate.cycles_per_hour / f64::from(per_day);
+                    assert!((ratio - 1.0).abs() < 1e-6, "{per_day} a day, {n} of day {day}: {ratio}");
+                    assert!((rate.work_j_per_hour / rate.cycles_per_hour - 50.0).abs() < 1e-9);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_long_run_after_a_pause_counts_before_it_ends() {
+        let mut usage = Usage::default();
+        let at = |hours: f64, cycles: f64| Odometer {
+            hours,
+            cycles,
+            work_j: cycles,
+        };
+        usage.update(at(0.0, 1.0));
+        for n in 0..200 {
+            usage.update(at(240.0 + f64::from(n) / 60.0, 2.0 + f64::from(n)));
+        }
+        let rate = usage.rate().expect("two readings");
+        assert!(rate.cycles_per_hour > 0.4, "{}", rate.cycles_per_hour);
     }
 
     #[test]

@@ -63,7 +63,7 @@ const USUAL_STEPS: f64 = 4.0;
 const QUARTERS: usize = 4;
 
 /// Change of the work rate from quarter to quarter that is reckoned with beforehand, as a logarithm…
-const USUAL_CHANGE: f64 = 0.25;
+const USUAL_CHANGE: f64 = 0.4;
 
 /// …and the number of such changes that this is worth.
 const USUAL_CHANGES: f64 = 2.0;

@@ -159,17 +159,18 @@ pub fn profiles_table(report: &ProfilesReport) -> String {
 pub fn rul_table(report: &RulReport) -> String {
     let mut text =
         "| histories | α-λ passed, % | horizon, % of life | cumulative relative accuracy | 80 % interval covers, % \
-                    | convergence |\n|---|---|---|---|---|---|"
+                    | early, % | convergence |\n|---|---|---|---|---|---|---|"
             .to_owned();
     let mut row = |name: &str, histories: usize, ours: &Scores, oracle: &Scores| {
         let percent = |of: fn(&Scores) -> f64| format!("{:.1} / {:.1}", 100.0 * of(ours), 100.0 * of(oracle));
         let share = |of: fn(&Scores) -> f64| format!("{:.3} / {:.3}", of(ours), of(oracle));
         text += &format!(
-            "\n| {name} ({histories}) | {} | {} | {} | {} | {} |",
+            "\n| {name} ({histories}) | {} | {} | {} | {} | {} | {} |",
             percent(|s| s.alpha_lambda_pass_rate),
             percent(|s| s.prognostic_horizon_fraction),
             share(|s| s.cra),
             percent(|s| s.coverage_80),
+            percent(|s| s.coverage_80_early),
             share(|s| s.convergence),
         );
     };

@@ -8,8 +8,11 @@ pub(super) const ALPHA: f64 = 0.2;
 /// Probability that a forecast must put between the bounds of [`ALPHA`].
 pub(super) const BETA: f64 = 0.5;
 
-/// Shares of life at which forecasts are compared.
-pub(super) const LAMBDAS: [f64; 5] = [0.5, 0.6, 0.7, 0.8, 0.9];
+/// Shares of life at which forecasts are looked at.
+pub(super) const LAMBDAS: [f64; 8] = [0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9];
+
+/// Share of life from which on they are scored; of earlier ones the intervals alone are.
+const SCORED_FROM: f64 = 0.5;
 
 /// A forecast at one λ, beside the truth.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -89,6 +92,8 @@ pub struct Scores {
     pub cra: f64,
     /// Share of 80 % intervals that hold the truth.
     pub coverage_80: f64,
+    /// The same before half of the life, of the forecasts that there are.
+    pub coverage_80_early: f64,
     /// Convergence, median over histories.
     pub convergence: f64,
 }
@@ -107,18 +112,22 @@ pub struct Scored {
 impl Scores {
     /// Of some histories.
     pub(super) fn mean_of<'a>(scored: impl Iterator<Item = &'a Scored> + Clone) -> Self {
-        let mean = |of: &dyn Fn(&AtLambda) -> f64| {
-            let (sum, count) = scored
-                .clone()
-                .flat_map(|s| &s.at)
+        let all = || scored.clone().flat_map(|s| &s.at);
+        let mean_over = |counts: &dyn Fn(&AtLambda) -> bool, of: &dyn Fn(&AtLambda) -> f64| {
+            let (sum, count) = all()
+                .filter(|at| counts(at))
                 .fold((0.0, 0_u32), |(sum, n), at| (sum + of(at), n + 1));
             sum / f64::from(count.max(1))
         };
+        let mean = |of: &dyn Fn(&AtLambda) -> f64| mean_over(&|at| at.lambda >= SCORED_FROM, of);
+        let is_early_forecast = |at: &AtLambda| at.lambda < SCORED_FROM && at.quantiles_h[1].is_some();
+        let covers = |at: &AtLambda| f64::from(u8::from(at.covers()));
         Self {
             alpha_lambda_pass_rate: mean(&|at| f64::from(u8::from(at.passes()))),
             prognostic_horizon_fraction: super::super::percentile(scored.clone().map(|s| s.horizon_fraction), 0.5),
             cra: mean(&AtLambda::relative_accuracy),
-            coverage_80: mean(&|at| f64::from(u8::from(at.covers()))),
+            coverage_80: mean(&covers),
+            coverage_80_early: mean_over(&is_early_forecast, &covers),
             convergence: super::super::percentile(scored.clone().filter_map(|s| s.convergence), 0.5),
         }
     }

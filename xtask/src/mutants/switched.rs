@@ -70,13 +70,16 @@ pub(super) struct Switched {
     pub(super) lines: BTreeMap<usize, Range<usize>>,
 }
 
+/// Number of a mutant, the bytes that it changes, and what stands there then.
+type Change<'a> = (usize, Range<usize>, &'a str);
+
 /// A file with these of its mutants, by their numbers. Those of constant functions, which nothing can switch, are left out.
 pub(super) fn switched(source: &str, mutants: &[(usize, &Mutant)]) -> anyhow::Result<Switched> {
     let mut bodies = Bodies::default();
     bodies.visit_file(&syn::parse_file(source)?);
     let offsets = Offsets::of(source);
     // The outermost function: what is changed in one within it is changed in a copy of both.
-    let mut by_body: BTreeMap<(usize, usize), Vec<(usize, Range<usize>, &str)>> = BTreeMap::new();
+    let mut by_body: BTreeMap<(usize, usize), Vec<Change<'_>>> = BTreeMap::new();
     for (number, mutant) in mutants {
         let place = offsets.at(mutant.at[0]).zip(offsets.at(mutant.at[1]));
         let (start, end) = place.with_context(|| mutant.name.clone())?;

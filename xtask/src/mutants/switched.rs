@@ -73,7 +73,7 @@ pub(super) struct Switched {
 /// Number of a mutant, the bytes that it changes, and what stands there then.
 type Change<'a> = (usize, Range<usize>, &'a str);
 
-/// A file with these of its mutants, by their numbers. Those of constant functions, which nothing can switch, are left out.
+/// A file with these of its mutants, by their numbers. Those of constants and constant functions, which nothing can switch, are left out.
 pub(super) fn switched(source: &str, mutants: &[(usize, &Mutant)]) -> anyhow::Result<Switched> {
     let mut bodies = Bodies::default();
     bodies.visit_file(&syn::parse_file(source)?);

@@ -160,6 +160,39 @@ fn a_decision_on_a_window_without_frames_makes_no_segment_of_them() {
     assert_eq!(bench.marks(), [0, 0]);
 }
 
+#[test]
+fn a_run_without_frames_says_nothing_of_them_at_its_end() {
+    let bench = Bench::new();
+    let store = bench.open();
+    bench.disk.set(Some(io::ErrorKind::Other));
+    let messages = store.finish().messages;
+    assert_eq!(messages.len(), 1, "{messages:?}");
+    assert!(messages[0].1.starts_with("storage: records:"), "{messages:?}");
+}
+
+#[test]
+fn a_decision_that_a_failing_disk_did_not_take_is_not_among_the_frames_of_the_next_capture() {
+    let mut bench = Bench::new();
+    let mut store = bench.open();
+    store.begin_capture("worse");
+    bench.put_frames(&mut store, 10);
+    bench.tick(&mut store, 1);
+    bench.disk.set(Some(io::ErrorKind::Other));
+    let dropped = Dropped {
+        actuator: "ema0".to_owned(),
+        ..Dropped::default()
+    };
+    store.write_to_raw(1, &dropped);
+    store.end_capture();
+    bench.disk.set(None);
+    bench.tick(&mut store, 1);
+    store.begin_capture("asked for");
+    bench.put_frames(&mut store, 10);
+    store.finish();
+    drop(bench.open());
+    assert_eq!(bench.marks(), [0, 0]);
+}
+
 /// A disk on which nothing waits for a sync.
 struct PromptDisk;
 

@@ -130,6 +130,9 @@ enum Verb {
     Mutants {
         /// One module alone.
         module: Option<String>,
+        /// Only what no test saw in the last run, of which all else is kept: after tests were added.
+        #[arg(long)]
+        iterate: bool,
     },
     /// Undefined behaviour and byte order: unit tests of library crates in Miri, on a big-endian processor; needs a nightly compiler.
     Miri,
@@ -201,7 +204,7 @@ fn main() -> ExitCode {
         Verb::FuzzLong { target } => fuzz::check_long(target.as_deref()),
         Verb::Miri => miri::check(),
         Verb::Coverage => coverage::check(),
-        Verb::Mutants { module } => mutants::check(module.as_deref()),
+        Verb::Mutants { module, iterate } => mutants::check(module.as_deref(), iterate),
         Verb::Systemd => systemd::check(),
         Verb::Boot => boot::check(),
         Verb::Survive => survive::check(),

@@ -1,14 +1,24 @@
-//! Mutation tests of the modules that a verdict rests on, by `cargo-mutants`: one change at a time, and whether a test sees it.
+//! Mutation tests of the modules that a verdict rests on: one change at a time, and whether a test sees it.
+//!
+//! `cargo-mutants` lists the changes. They are built all at once into one copy of the sources and switched on one by one
+//! ([`switched`]), which takes minutes where a build for each takes hours.
 
+mod copy;
+mod run;
+mod switched;
+
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
-use std::path::Path;
 
 use anyhow::{Context, ensure};
 use serde_json::Value;
 
 use crate::shell::{cargo, root, target_dir};
 use crate::tools::Tool;
+use copy::Copy;
+use run::{Outcome, Run, Seen};
+use switched::Mutant;
 
 const CARGO_MUTANTS: Tool = Tool {
     krate: "cargo-mutants",
@@ -23,12 +33,14 @@ pub(crate) struct Module {
     pub(crate) package: &'static str,
     /// Its sources, below the package's folder.
     pub(crate) files: &'static [&'static str],
-    /// Packages whose tests are run.
-    tests: &'static str,
-    /// Of these tests, as `cargo test` takes it: all that touch a module whose package has slow tests of other things.
+    /// Packages whose tests are run, unit tests and `tests`.
+    tests: &'static [&'static str],
+    /// Parts of the paths of these tests, all without any: those of the module itself, where its package has slow tests of other things.
     of_tests: &'static [&'static str],
-    /// One mutant in so many is tried: all of a module that takes minutes, of the others a sample.
-    one_in: u32,
+    /// Parts of the paths of tests that are left out: those with random inputs, whose outcome is another each time, and the slowest.
+    but_tests: &'static [&'static str],
+    /// One mutant in so many is tried, evenly over the files.
+    one_in: usize,
 }
 
 pub(crate) const MODULES: [Module; 6] = [
@@ -36,49 +48,55 @@ pub(crate) const MODULES: [Module; 6] = [
         name: "wire",
         package: "ema-wire",
         files: &["src/**/*.rs"],
-        tests: "ema-wire",
+        tests: &["ema-wire"],
         of_tests: &[],
+        but_tests: &[],
         one_in: 1,
     },
     Module {
         name: "health",
         package: "hmd-core",
         files: &["src/health.rs", "src/health/*.rs"],
-        tests: "hmd-core",
-        of_tests: &[],
+        tests: &["hmd-core"],
+        of_tests: &["health"],
+        but_tests: &[],
         one_in: 1,
     },
     Module {
         name: "store",
         package: "hmd-storage",
         files: &["src/segment_store.rs", "src/segment_store/*.rs"],
-        tests: "hmd-storage",
-        of_tests: &["--lib", "segment_store"],
-        one_in: 1,
+        tests: &["hmd-storage"],
+        of_tests: &["segment_store"],
+        but_tests: &[],
+        one_in: 4,
     },
     Module {
         name: "window",
         package: "hmd-core",
         files: &["src/window.rs", "src/window/*.rs"],
-        tests: "hmd-core",
-        of_tests: &[],
-        one_in: 16,
+        tests: &["hmd-core"],
+        of_tests: &["window"],
+        but_tests: &["window_properties", "no_genuine_dynamics", "every_profile"],
+        one_in: 6,
     },
     Module {
         name: "trend",
         package: "hmd-core",
         files: &["src/rul.rs", "src/rul/*.rs"],
-        tests: "hmd-core",
-        of_tests: &[],
-        one_in: 16,
+        tests: &["hmd-core"],
+        of_tests: &["rul"],
+        but_tests: &[],
+        one_in: 6,
     },
     Module {
         name: "configuration",
         package: "hmd-core",
         files: &["src/config.rs", "src/config/*.rs"],
-        tests: "hmd-core,hmd-storage",
-        of_tests: &[],
-        one_in: 16,
+        tests: &["hmd-core", "hmd-storage"],
+        of_tests: &["config"],
+        but_tests: &[],
+        one_in: 6,
     },
 ];
 
@@ -87,92 +105,84 @@ const EXPLAINED: &str = "xtask/mutants.toml";
 /// A page for each module, of its last run.
 const PAGES: &str = "fixtures/results/mutants";
 
-/// Times as long as the tests take without a mutant, at least 20 s: what runs longer does not end.
-const TIMEOUT_MULTIPLIER: &str = "5";
-
-/// Tries every module, or the one of this name, and writes its page.
-pub(crate) fn check(wanted: Option<&str>) -> anyhow::Result<()> {
+/// Tries every module, or the one of this name, and writes its page; to iterate, no mutant that a test saw before.
+pub(crate) fn check(wanted: Option<&str>, iterate: bool) -> anyhow::Result<()> {
     ensure!(
         wanted.is_none_or(|wanted| MODULES.iter().any(|module| module.name == wanted)),
         "expected one of {:?}",
         MODULES.map(|module| module.name)
     );
-    let path = CARGO_MUTANTS.path()?;
-    let output = target_dir()?.join("mutants");
-    fs::create_dir_all(&output).context("target/mutants")?;
     for module in MODULES
         .iter()
         .filter(|module| wanted.is_none_or(|wanted| module.name == wanted))
     {
-        let mut command = cargo(["mutants", "--jobs", "1", "--colors", "never", "--no-shuffle"]);
-        command
-            .args(["--timeout-multiplier", TIMEOUT_MULTIPLIER])
-            .args(["--package", module.package])
-            .args(["--test-package", module.tests])
-            .args(["--shard", &format!("0/{}", module.one_in)])
-            // A sample is of all files, not of the first one.
-            .args(["--sharding", "round-robin"])
-            // Optimising across units again takes most of the time of a build after one change.
-            .args(["--cargo-arg", "--config=profile.dev.lto='off'"])
-            .arg("--output")
-            .arg(output.join(module.name));
-        for file in module.files {
-            command.arg("--file").arg(format!("crates/{}/{file}", module.package));
-        }
-        command.arg("--").args(module.of_tests);
-        let folder = path.parent().context("folder of a tool")?.display().to_string();
-        let before = std::env::var("PATH").unwrap_or_default();
-        command.env("PATH", format!("{folder}:{before}"));
-        // Each module is built in a copy of its own; what it depends on is built once.
-        command.env("CARGO_TARGET_DIR", target_dir()?.join("mutants-build"));
-        // It fails where any mutant survives.
-        let ended = command.status().context("cargo mutants")?;
-        ensure!(matches!(ended.code(), Some(0 | 2 | 3)), "cargo mutants: {ended}");
-        write_page(module, &output)?;
+        let listed = listed(module)?;
+        let all = listed.len();
+        let mutants: BTreeMap<usize, Mutant> = (1..).zip(listed).step_by(module.one_in).collect();
+        let copy = Copy::of_sources(&target_dir()?.join("mutants"))?;
+        let built = copy.built(module, &mutants)?;
+        let seen = target_dir()?.join(format!("mutants-seen-{}.txt", module.name));
+        let seen = Seen::kept_in(&seen, iterate)?;
+        let outcomes = Run::new(built, module, &mutants)?.outcomes(seen)?;
+        write_page(module, all, &mutants, &outcomes)?;
     }
     Ok(())
 }
 
-/// Writes the page of a module: a row of the table, and after an empty line the mutants that no test saw.
-fn write_page(module: &Module, output: &Path) -> anyhow::Result<()> {
-    let outcomes = output.join(module.name).join("mutants.out/outcomes.json");
-    let text = fs::read_to_string(&outcomes).with_context(|| outcomes.display().to_string())?;
-    let outcomes: Value = serde_json::from_str(&text).context("outcomes.json")?;
-    let count = |key: &str| outcomes[key].as_u64().unwrap_or_default();
-    let (caught, missed) = (count("caught") + count("timeout"), count("missed"));
-    let (explained, mut reasons, mut survivors) = (explained()?, 0, String::new());
-    for name in missed_names(&outcomes) {
-        let reason = explained.iter().find(|(part, _)| name.contains(part.as_str()));
-        reasons += u64::from(reason.is_some());
-        let reason = reason.map_or("no test", |(_, reason)| reason);
-        writeln!(survivors, "- `{}`: {reason}", name.trim_start_matches("crates/"))?;
+/// The changes to a module.
+fn listed(module: &Module) -> anyhow::Result<Vec<Mutant>> {
+    let path = CARGO_MUTANTS.path()?;
+    let mut command = cargo(["mutants", "--list", "--json", "--package", module.package]);
+    for file in module.files {
+        command.arg("--file").arg(format!("crates/{}/{file}", module.package));
     }
-    let share = 100.0 * caught as f64 / (caught + missed - reasons).max(1) as f64;
+    let folder = path.parent().context("folder of a tool")?.display().to_string();
+    let before = std::env::var("PATH").unwrap_or_default();
+    command.env("PATH", format!("{folder}:{before}"));
+    let output = command.output().context("cargo mutants")?;
+    ensure!(
+        output.status.success(),
+        "cargo mutants: {}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    let listed: Vec<Value> = serde_json::from_slice(&output.stdout).context("cargo mutants --list")?;
+    let read = |entry: &Value| Mutant::read(entry).with_context(|| format!("cargo mutants --list: {entry}"));
+    listed.iter().map(read).collect()
+}
+
+/// Writes the page of a module: a row of the table, and after an empty line the mutants that no test saw.
+fn write_page(
+    module: &Module,
+    all: usize,
+    mutants: &BTreeMap<usize, Mutant>,
+    outcomes: &BTreeMap<usize, Outcome>,
+) -> anyhow::Result<()> {
+    let (explained, mut reasons, mut survivors) = (explained()?, 0, String::new());
+    let missed = outcomes.iter().filter(|(_, outcome)| **outcome == Outcome::Missed);
+    for mutant in missed.filter_map(|(number, _)| mutants.get(number)) {
+        let reason = explained.iter().find(|(part, _)| mutant.name.contains(part.as_str()));
+        reasons += 1 - usize::from(reason.is_none());
+        let reason = reason.map_or("no test", |(_, reason)| reason);
+        writeln!(survivors, "- `{}`: {reason}", mutant.name.trim_start_matches("crates/"))?;
+    }
+    let caught = outcomes.values().filter(|outcome| **outcome == Outcome::Caught).count();
+    let share = 100.0 * caught as f64 / (outcomes.len() - reasons).max(1) as f64;
     let row = format!(
         "| {} | {} | {} | {caught} | {reasons} | {share:.1} |",
         module.name,
-        share_of(module.one_in),
-        caught + missed
+        share_of(module.one_in, all),
+        outcomes.len()
     );
     let page = root().join(PAGES).join(format!("{}.md", module.name));
     fs::write(&page, format!("{row}\n\n{survivors}")).with_context(|| page.display().to_string())
 }
 
-fn share_of(one_in: u32) -> String {
+fn share_of(one_in: usize, all: usize) -> String {
     if one_in == 1 {
-        "all".to_owned()
+        format!("all {all}")
     } else {
-        format!("one in {one_in}")
+        format!("one in {one_in} of {all}")
     }
-}
-
-/// Names of the mutants that no test saw.
-fn missed_names(outcomes: &Value) -> Vec<&str> {
-    let all = outcomes["outcomes"].as_array().map(Vec::as_slice).unwrap_or_default();
-    all.iter()
-        .filter(|outcome| outcome["summary"] == "MissedMutant")
-        .filter_map(|outcome| outcome["scenario"]["Mutant"]["name"].as_str())
-        .collect()
 }
 
 fn explained() -> anyhow::Result<Vec<(String, String)>> {

@@ -27,9 +27,8 @@ impl BackgroundRepair {
                 if stopped.load(Ordering::Relaxed) {
                     return;
                 }
-                if sender.send((name, repair_one(&folder, name, &*disk))).is_err() {
-                    return;
-                }
+                // It is received until this thread has ended.
+                let _ = sender.send((name, repair_one(&folder, name, &*disk)));
             }
         };
         let thread = thread::Builder::new().name("repair".to_owned()).spawn(work).ok();

@@ -110,4 +110,68 @@ mod tests {
         assert_eq!(open, [(2, false), (10, true)]);
         assert_eq!(records_segments(folder.path(), 3).unwrap().len(), 1);
     }
+
+    fn segment() -> Vec<u8> {
+        let profile = super::super::name::PROFILE;
+        let writer = McapWriter::with_profile(io::Cursor::new(Vec::new()), &Default::default(), profile).unwrap();
+        writer.finish().unwrap().0.into_inner()
+    }
+
+    /// The order in which a folder lists its files is that of no rule.
+    #[test]
+    fn of_a_source_and_its_finished_copy_the_copy_is_listed() {
+        let folder = tempfile::tempdir().unwrap();
+        for number in 0..64_u64 {
+            let mut names = [
+                format!("hmd-{number:08}-raw.mcap"),
+                format!("hmd-{number:08}-raw.mcap.part"),
+            ];
+            if number % 2 == 1 {
+                names.reverse();
+            }
+            names
+                .iter()
+                .for_each(|name| std::fs::write(folder.path().join(name), segment()).unwrap());
+        }
+        let found = raw_segments(folder.path()).unwrap();
+        assert_eq!(found.len(), 64);
+        for (number, segment) in found {
+            let path = folder.path().join(format!("hmd-{number:08}-raw.mcap"));
+            assert_eq!(segment, Segment { path, is_open: false });
+        }
+    }
+
+    #[test]
+    fn a_segment_that_was_closed_since_it_was_listed_is_found_under_its_closed_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let place = |name: &str| folder.path().join(name);
+        let (open, closed) = ("hmd-00000001-raw.mcap.part", "hmd-00000002-raw.mcap");
+        [open, closed]
+            .iter()
+            .for_each(|name| std::fs::write(place(name), segment()).unwrap());
+        // The last one was deleted for room.
+        for (listed, now) in [
+            (open, open),
+            ("hmd-00000002-raw.mcap.part", closed),
+            (closed, closed),
+            ("hmd-00000003-raw.mcap", "hmd-00000003-raw.mcap"),
+        ] {
+            assert_eq!(current_path(&place(listed)), place(now), "{listed}");
+        }
+    }
+
+    #[test]
+    fn only_segments_of_frames_have_a_place_in_their_order() {
+        let of = |name: &str| raw_segment_number(Path::new("folder").join(name).as_path());
+        assert_eq!(of("hmd-00000012-raw.mcap"), Some(12));
+        assert_eq!(of("hmd-00000012-raw.mcap.part"), Some(12));
+        for other in [
+            "hmd-00000012-records.mcap",
+            "hmd-00000012-raw.mcap.damaged",
+            "hmd-00000012-raw.mcap.repair",
+            "flight.mcap",
+        ] {
+            assert_eq!(of(other), None, "{other}");
+        }
+    }
 }

@@ -349,9 +349,7 @@ fn copied<W: Write + Seek>(
 
 /// Whether nothing but a torn end was lost; of a segment without any record, not even a torn chunk.
 fn is_spent(input: &mut fs::File, report: &Recovered) -> io::Result<bool> {
-    // Not even the start of a file was written.
-    let is_stump = input.metadata()?.len() < mcap::MAGIC.len() as u64;
-    if report.is_intact() || is_stump {
+    if report.is_intact() {
         return Ok(true);
     }
     let torn_at = match report.losses.as_slice() {

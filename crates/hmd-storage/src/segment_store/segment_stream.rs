@@ -135,24 +135,18 @@ impl SegmentStream {
                 return Err(error);
             }
         };
-        self.open = Some(Open {
+        let open = self.open.insert(Open {
             name,
             writer,
             since: with.now,
             taken: 0,
             unsynced: 0,
-            has_marks: false,
+            has_marks: !self.marks.is_empty(),
             syncs: 0,
         });
         self.segment += 1;
         self.retry_at = None;
-        if let Some(open) = &mut self.open {
-            for mark in &self.marks {
-                open.has_marks = true;
-                mark(&mut open.writer)?;
-            }
-        }
-        Ok(())
+        self.marks.iter().try_for_each(|mark| mark(&mut open.writer))
     }
 
     /// Hands a mark to the segment in progress; until it is known to be on the disk, each further segment gets it.

@@ -85,10 +85,15 @@ fn a_source_whose_copy_is_there_waits_for_the_background_too() {
     assert_eq!(names(&folder), ["hmd-00000007-raw.mcap"]);
 }
 
-/// A disk that cannot bring the names of a folder to the disk.
-struct UnsyncedDisk;
+/// A disk that fails in one thing or two.
+struct FailingDisk {
+    /// It brings the names of a folder to the disk.
+    syncs: bool,
+    /// It removes files.
+    removes: bool,
+}
 
-impl Disk for UnsyncedDisk {
+impl Disk for FailingDisk {
     fn create(&self, path: &Path) -> io::Result<Box<dyn super::super::Out>> {
         RealDisk.create(path)
     }
@@ -97,19 +102,73 @@ impl Disk for UnsyncedDisk {
         RealDisk.free_bytes(folder)
     }
 
-    fn sync_folder(&self, _: &Path) -> io::Result<()> {
+    fn sync_folder(&self, folder: &Path) -> io::Result<()> {
+        if self.syncs {
+            return RealDisk.sync_folder(folder);
+        }
         Err(io::ErrorKind::Other.into())
+    }
+
+    fn remove(&self, path: &Path) -> io::Result<()> {
+        if self.removes {
+            return RealDisk.remove(path);
+        }
+        Err(io::ErrorKind::PermissionDenied.into())
     }
 }
 
 #[test]
 fn a_copy_whose_name_is_not_safe_yet_is_counted_and_its_source_stays() {
+    for removes in [true, false] {
+        let folder = folder();
+        let mut found = Found::within(None);
+        found.mend(folder.path(), NAME, &FailingDisk { syncs: false, removes });
+        assert_eq!(names(&folder), ["hmd-00000007-raw.mcap", "hmd-00000007-raw.mcap.part"]);
+        let counted: Vec<Name> = found.segments.into_keys().collect();
+        assert_eq!(counted, [NAME.with_stage(Stage::Closed)]);
+        let (_, told) = &found.messages[0];
+        assert!(told.contains("cannot be repaired"), "{told}");
+        assert!(!told.contains("No such file"), "not why: {told}");
+    }
+}
+
+/// The next start finds the copy, and tries again.
+#[test]
+fn a_source_that_cannot_be_removed_is_told_and_not_counted_beside_its_copy() {
     let folder = folder();
     let mut found = Found::within(None);
-    found.mend(folder.path(), NAME, &UnsyncedDisk);
-    assert_eq!(names(&folder), ["hmd-00000007-raw.mcap", "hmd-00000007-raw.mcap.part"]);
-    let counted: Vec<Name> = found.segments.into_keys().collect();
+    let disk = FailingDisk {
+        syncs: true,
+        removes: false,
+    };
+    found.mend(folder.path(), NAME, &disk);
+    let counted: Vec<Name> = found.segments.keys().copied().collect();
     assert_eq!(counted, [NAME.with_stage(Stage::Closed)]);
+    let (_, told) = found.messages.last().unwrap();
+    assert!(told.contains("hmd-00000007-raw.mcap.part cannot be removed"), "{told}");
+    assert_eq!(names(&folder), ["hmd-00000007-raw.mcap", "hmd-00000007-raw.mcap.part"]);
+}
+
+/// It is the only one that has everything.
+#[test]
+fn a_damaged_source_stays_where_the_name_to_keep_it_under_is_in_use() {
+    let folder = folder();
+    let aside = folder.path().join(NAME.with_stage(Stage::Damaged).to_string());
+    fs::write(&aside, "a letter").unwrap();
+    let mut found = Found::within(None);
+    found.dispose(folder.path(), NAME, false, &RealDisk);
+    let (level, told) = found.messages.last().unwrap();
+    assert!(*level == LogLevel::Error && told.ends_with("it stays"), "{told}");
+    assert!(folder.path().join(NAME.to_string()).exists());
+    assert_eq!(fs::read(aside).unwrap(), b"a letter");
+}
+
+#[test]
+fn a_folder_that_goes_while_it_is_repaired_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let found = repair_one(&folder.path().join("gone"), NAME, &RealDisk);
+    let (_, told) = found.messages.last().unwrap();
+    assert!(told.contains("damaged segments cannot be listed"), "{told}");
 }
 
 #[test]

@@ -331,6 +331,17 @@ fn frames_that_failed_and_then_paused_are_paused() {
 }
 
 #[test]
+fn a_file_in_place_of_the_folder_is_refused() {
+    let bench = Bench::new();
+    let place = bench.folder.path().join("segments");
+    fs::write(&place, "a letter").unwrap();
+    let opened = SegmentStore::open(&place, &BTreeMap::new(), LIMITS, Box::new(RealDisk), bench.now);
+    let refused = opened.err().map(|error| error.to_string()).unwrap_or_default();
+    assert!(refused.contains("expected a folder for segments"), "{refused}");
+    assert_eq!(fs::read(place).unwrap(), b"a letter");
+}
+
+#[test]
 fn a_folder_that_takes_no_segment_is_refused() {
     let bench = Bench::new();
     bench.disk.set(Some(io::ErrorKind::PermissionDenied));

@@ -166,6 +166,20 @@ fn a_torn_copy_is_ours_only_beside_its_source() {
     assert_eq!(fs::read(place("hmd-00000009-raw.mcap.repair")).unwrap(), b"a letter");
 }
 
+/// Whoever made the link may need what it leads to.
+#[test]
+fn a_link_with_the_name_of_a_torn_copy_is_left_alone() {
+    let bench = Bench::new();
+    let place = |name: &str| bench.folder.path().join(name);
+    fs::write(place("hmd-00000007-raw.mcap.part"), cut_segment()).unwrap();
+    fs::write(place("notes"), b"").unwrap();
+    let link = place("hmd-00000007-raw.mcap.repair");
+    std::os::unix::fs::symlink(place("notes"), &link).unwrap();
+    drop(bench.open());
+    assert!(link.is_symlink() && place("notes").exists());
+    assert!(place("hmd-00000007-raw.mcap.part").exists(), "it waits for its place");
+}
+
 #[test]
 fn unrecognised_files_are_kept() {
     let mut bench = Bench::new();

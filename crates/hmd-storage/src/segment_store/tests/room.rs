@@ -244,3 +244,34 @@ fn frames_in_progress_alone_go_before_closed_records() {
     assert_eq!(closed(&bench).collect::<Vec<_>>(), ["hmd-00000000-records.mcap"]);
     assert_eq!(store.finish().status.state, StorageState::Ok);
 }
+
+#[test]
+fn frames_pause_while_what_cannot_be_deleted_exceeds_the_budget() {
+    let limits = Limits {
+        segment_bytes: 1000,
+        budget_bytes: 60_000,
+        ..LIMITS
+    };
+    let mut bench = Bench::new();
+    let disk = Box::new(bench.disk.clone());
+    let mut store = SegmentStore::open(bench.folder.path(), &BTreeMap::new(), limits, disk, bench.now).unwrap();
+    while store.status().used_bytes <= limits.budget_bytes {
+        bench.put_frames(&mut store, 500);
+        store.close_segment(Kind::Raw);
+    }
+    bench.disk.keeps.store(true, Relaxed);
+    bench.tick(&mut store, 1);
+    assert_eq!(
+        (store.status().deleted, store.status().state),
+        (0, StorageState::RawPaused)
+    );
+    bench.put_frames(&mut store, 3);
+    assert_eq!(store.status().lost_frames, 3);
+    bench.disk.keeps.store(false, Relaxed);
+    bench.tick(&mut store, 1);
+    let status = store.status();
+    assert!(
+        status.deleted > 0 && status.used_bytes <= limits.budget_bytes,
+        "{status:?}"
+    );
+}

@@ -129,9 +129,8 @@ impl Assessor {
                     .widened(CORRECTED_FACTOR),
             };
         }
-        let by_torque = self
-            .offset_by_torque(job)
-            .filter(|_| findings.is_empty() && !is_learning);
+        let is_unnamed = findings.is_empty() && open.is_empty() && !is_learning;
+        let by_torque = if is_unnamed { self.offset_by_torque(job) } else { None };
         if let Some(finding) = by_torque {
             unchecked |= !grants(&assessed);
             if !unchecked && let Some((other, of_other)) = self.explained_better(job, &assessed, &finding, effort)? {

@@ -202,7 +202,10 @@ impl Assessor {
                 Corrected::Alike => {}
                 Corrected::Without => {
                     assessed = without.widened(CORRECTED_FACTOR);
-                    if let Correction::Currents { gain: [gain, ..], .. } = correction {
+                    // An inertia shows in the friction: shorts do not explain it.
+                    if let (Suspect::CurrentGain, Correction::Currents { gain: [gain, ..], .. }) =
+                        (suspicion.suspect, correction)
+                    {
                         assessed.estimate = assessed.estimate.beside_common_gain(gain);
                     }
                     *job = other;

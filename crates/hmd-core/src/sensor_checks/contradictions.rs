@@ -240,22 +240,25 @@ fn current_gain(turns: &[Inferred; 3], [low, high]: [f64; 2], friction: Option<I
     };
     let (mean, clear) = mean_of(turns);
     let is_less = mean + clear < low && turns.iter().all(|x| x.value + PHASE_SIGMAS * x.sigma < low);
-    let of_two = [most, second];
-    let (mean, clear) = mean_of(&of_two);
-    let is_more = mean - clear > high && of_two.iter().all(|x| x.value - PHASE_SIGMAS * x.sigma > high);
-    let least = match (is_less, is_more) {
+    let more: &[Inferred] = if is_beside_short {
+        &[second, most]
+    } else {
+        &[least, second, most]
+    };
+    let (mean, clear) = mean_of(more);
+    let is_more = mean - clear > high && more.iter().all(|x| x.value - PHASE_SIGMAS * x.sigma > high);
+    let changed = match (is_less, is_more) {
         (true, _) => most,
-        (_, true) if is_beside_short => second,
-        (_, true) if least.value - PHASE_SIGMAS * least.sigma > high => least,
+        (_, true) => more[0],
         _ => return None,
     };
-    let gain = 1.0 / least.value;
+    let gain = 1.0 / changed.value;
     // Currents that fit no motion at all, as of exchanged phases, are no matter of their gain.
     if !GAIN_POSSIBLE.contains(&gain) {
         return None;
     }
-    let sigma = least.sigma * gain * gain;
-    if let Some(friction) = friction.filter(|friction| is_as_inertia(friction, &least)) {
+    let sigma = changed.sigma * gain * gain;
+    if let Some(friction) = friction.filter(|friction| is_as_inertia(friction, &changed)) {
         let evidence = format!(
             "it seems to be {gain:.2} ± {sigma:.2} times that of the commissioned unit: currents and friction, {:.2} ± {:.2} times, have both \
              changed against it",

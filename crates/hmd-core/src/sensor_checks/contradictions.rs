@@ -271,9 +271,12 @@ fn current_gain(turns: &[Inferred; 3], [low, high]: [f64; 2], friction: Option<I
         return Some(contradiction(Suspect::Inertia, &evidence, correction));
     }
     let or_magnets = if gain > 1.0 {
-        ", or the magnets are as much weaker"
+        format!(
+            ", or the magnets are as much weaker, or all phases shorted by {:.2}",
+            1.0 - changed.value
+        )
     } else {
-        ""
+        String::new()
     };
     let evidence = format!(
         "all phases read {gain:.2} ± {sigma:.2} times the current that the motion needs of the commissioned unit{or_magnets}"

@@ -6,10 +6,11 @@
 mod by_both;
 mod by_monitor;
 mod by_relations;
+mod common_change;
 
 use std::vec::Vec;
 
-use ema_models::{FAULT_COUNT, FaultId, FaultVector};
+use ema_models::{FAULT_COUNT, FaultId};
 
 use crate::estimate::{Estimate, beside};
 use crate::relations::{Needed, Relation};
@@ -59,33 +60,6 @@ impl UnitEstimate {
         self.with_sigmas(|n, sigma| if is_meant(n) { sigma.hypot(other) } else { sigma })
     }
 
-    /// The same where the torque for each ampere may have changed by up to this share for another reason, as by a temperature that nobody
-    /// reads. It weakens all phases alike, and at most two of them are shorted: what the least shorted one lacks is not a short. Where the
-    /// window tells nothing of a phase, the change is a part of the sigmas of the others.
-    #[must_use]
-    pub fn without_common_short(mut self, change_max: f64) -> Self {
-        let shorts = [FaultId::ShortA, FaultId::ShortB, FaultId::ShortC].map(FaultId::parameter);
-        if shorts.iter().any(|&n| self.estimate.sigma[n].is_none()) {
-            return self.with_torque_sigma(change_max);
-        }
-        let mut k = self.estimate.fault.to_array();
-        let Some(least) = shorts.into_iter().min_by(|a, b| k[*a].total_cmp(&k[*b])) else {
-            return self;
-        };
-        let common = k[least].min(change_max);
-        let (true, Some(of_common)) = (common > 0.0, self.estimate.sigma[least]) else {
-            return self;
-        };
-        let spread = of_common.min(common);
-        for n in shorts {
-            k[n] -= common;
-        }
-        self.estimate.fault = FaultVector::from_array(k);
-        self.estimate.unknowns.fault = self.estimate.fault;
-        let is_widened = |n: usize| shorts.contains(&n) && n != least;
-        self.with_sigmas(|n, sigma| if is_widened(n) { sigma.hypot(spread) } else { sigma })
-    }
-
     /// Whether a load closes the play, by the relations.
     fn is_play_closed(&self) -> bool {
         self.needed[FaultId::Backlash.parameter()] == Some(Needed::OpenReversal)
@@ -120,62 +94,5 @@ impl UnitEstimate {
         }
         estimate.check_observable(&self.bridge_spread);
         self
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::by_both::tests::estimate;
-    use super::*;
-
-    /// Shorts of phases A, B, C, each with its sigma, after what all three have in common is taken out.
-    fn shorts(damage: [f64; 3], sigma: f64, change_max: f64) -> [(f64, f64); 3] {
-        let mut k = [0.0; FAULT_COUNT];
-        k[2..5].copy_from_slice(&damage);
-        let found = estimate(k, [Some(sigma); FAULT_COUNT])
-            .without_common_short(change_max)
-            .estimate;
-        let k = found.fault.to_array();
-        [2, 3, 4].map(|n| (k[n], found.sigma[n].unwrap_or(f64::NAN)))
-    }
-
-    #[test]
-    fn a_phase_that_a_window_does_not_show_leaves_the_change_of_the_magnets_to_the_others() {
-        let mut k = [0.0; FAULT_COUNT];
-        k[3..5].copy_from_slice(&[0.09, 0.09]);
-        let mut sigma = [Some(0.01); FAULT_COUNT];
-        sigma[2] = None;
-        let found = estimate(k, sigma).without_common_short(0.09).estimate;
-        assert!(found.sigma[3].is_some_and(|sigma| sigma > 0.09) && found.sigma[2].is_none());
-    }
-
-    #[test]
-    fn warm_magnets_are_no_shorts_and_a_short_of_one_phase_stays() {
-        let near = |found: [(f64, f64); 3], expected: [(f64, f64); 3]| {
-            for ((k, sigma), (k_expected, sigma_expected)) in found.into_iter().zip(expected) {
-                assert!(
-                    (k - k_expected).abs() < 1e-12 && (sigma - sigma_expected).abs() < 1e-12,
-                    "{found:?}"
-                );
-            }
-        };
-        let wider = 0.01_f64.hypot(0.01);
-        near(
-            shorts([0.04, 0.045, 0.24], 0.01, 0.09),
-            [(0.0, 0.01), (0.005, wider), (0.2, wider)],
-        );
-        // What is known stays as it is, and so does what no temperature explains.
-        near(
-            shorts([0.04, 0.045, 0.24], 0.01, 0.0),
-            [(0.04, 0.01), (0.045, 0.01), (0.24, 0.01)],
-        );
-        near(
-            shorts([0.5; 3], 0.01, 0.09),
-            [(0.41, 0.01), (0.41, wider), (0.41, wider)],
-        );
-        near(
-            shorts([0.0, 0.1, 0.1], 0.01, 0.09),
-            [(0.0, 0.01), (0.1, 0.01), (0.1, 0.01)],
-        );
     }
 }

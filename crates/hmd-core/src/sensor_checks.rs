@@ -7,6 +7,7 @@
 //! |---|---|
 //! | `wiring` | share of the current on the torque axis: order and sign of phases, direction and counts of the resolver, pole pairs |
 //! | `currents` | by the equations of `current_equations`: sum of the currents, direct current: offsets, gain of a phase, zero of the resolver, samples of another instant |
+//! | `offset_by_torque` | torque balance against that of commissioning: offsets that no sum shows |
 //! | `offset_of_sum` | torque balance of the shaft: which phase has the offset of the sum |
 //! | `control_law` | current that the drive asks for: gain of all currents, link of a vector drive |
 //! | `current_limit` | current that lasts beyond the limit of the drive: gain of all currents |
@@ -36,6 +37,7 @@ mod least_squares;
 mod motions_without_window;
 mod motor_time;
 mod moved;
+mod offset_by_torque;
 mod offset_of_sum;
 mod readings;
 pub mod rivals;
@@ -51,6 +53,7 @@ pub use correction::Correction;
 pub(crate) use currents::OFFSET_SHARE;
 pub use findings::{Finding, examine};
 pub use motions_without_window::MotionsWithoutWindow;
+pub use offset_by_torque::offset_by_torque;
 pub use readings::{Reading, SensorReadings, sensor_readings};
 pub use setpoint_time::setpoint_time;
 pub use suspect::{Suspect, Suspicion};

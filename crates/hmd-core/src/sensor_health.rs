@@ -19,7 +19,7 @@ use ema_identify::unit_calibration::CommissionedSensors;
 
 use crate::health::{HealthState, LevelMemory, Levels, SIGNIFICANCE};
 use crate::outbox::WindowJob;
-use crate::sensor_checks::{SensorReadings, sensor_readings};
+use crate::sensor_checks::{Reading, SensorReadings, sensor_readings};
 pub use quantity::{SENSOR_QUANTITY_COUNT, SensorQuantity};
 use reference::Reference;
 pub use trend::TREND_MAX;
@@ -159,6 +159,17 @@ pub fn commissioned_sensors(jobs: &[WindowJob]) -> CommissionedSensors {
         until_ns: newest_ns.and_then(|ns| i64::try_from(ns).ok()).unwrap_or(0),
         quantities: quantities.collect(),
     }
+}
+
+/// Offsets of the currents along α and β beyond those of commissioning, A, each with its standard deviation; `None` where either does not show
+/// them.
+pub(crate) fn offset_since(commissioned: &CommissionedSensors, readings: &SensorReadings) -> Option<[Reading; 2]> {
+    let since = |quantity: SensorQuantity| {
+        let then = commissioned.quantities.get(quantity.name())?;
+        let (value, sigma) = quantity.of(readings)?;
+        Reference::commissioned(then, commissioned.until_ns).take(value, sigma)
+    };
+    Some([since(SensorQuantity::OffsetAlpha)?, since(SensorQuantity::OffsetBeta)?])
 }
 
 impl Tracked {

@@ -1,11 +1,12 @@
 //! What the signals of a window show of mistakes is taken out of it before the estimate.
 
 use super::by_unit::Assessed;
-use super::{AssessError, Assessor, conditions};
+use super::{AssessError, Assessor, conditions, sensors_of};
 use crate::outbox::WindowJob;
 use crate::outliers::grants_runs;
-use crate::sensor_checks::rivals::{BETTER, Verdict, accuses_all_phases_alike, compare, is_doubtful};
-use crate::sensor_checks::{Correction, Finding, Suspect, examine, setpoint_time};
+use crate::sensor_checks::rivals::{ALIKE, BETTER, Verdict, accuses_all_phases_alike, compare, is_doubtful};
+use crate::sensor_checks::{Correction, Finding, Suspect, examine, offset_by_torque, sensor_readings, setpoint_time};
+use crate::sensor_health::offset_since;
 use crate::window::{Defect, Degradation, Invalidity, WindowQuality};
 use ema_identify::effort::Effort;
 use ema_models::FaultId;
@@ -128,6 +129,15 @@ impl Assessor {
                     .widened(CORRECTED_FACTOR),
             };
         }
+        let is_unnamed = findings.is_empty() && open.is_empty() && !is_learning;
+        let by_torque = if is_unnamed { self.offset_by_torque(job) } else { None };
+        if let Some(finding) = by_torque {
+            unchecked |= !grants(&assessed);
+            if !unchecked && let Some((other, of_other)) = self.explained_better(job, &assessed, &finding, effort)? {
+                report(std::slice::from_ref(&finding), suspects, reasons);
+                (corrected, assessed) = (other, of_other.widened(CORRECTED_FACTOR));
+            }
+        }
         if is_learning || !is_doubtful(&assessed.estimate, self.watch_level()) {
             return Ok(Some(BySignals {
                 corrected,
@@ -167,6 +177,33 @@ impl Assessor {
             assessed.reasons.push(GAIN_OR_SCALE.to_owned());
         }
         assessed
+    }
+
+    /// Offsets of the currents since commissioning that only the torque shows.
+    fn offset_by_torque(&self, job: &WindowJob) -> Option<Finding> {
+        let commissioned = sensors_of(self.models.unit(&job.actuator)?, job)?;
+        offset_by_torque(job, offset_since(commissioned, &sensor_readings(job))?)
+    }
+
+    /// The window without a mistake that is clear by itself, and its estimate, if that explains the window better.
+    fn explained_better(
+        &self,
+        job: &WindowJob,
+        assessed: &Assessed,
+        finding: &Finding,
+        effort: &Effort<'_>,
+    ) -> Result<Option<(WindowJob, Assessed)>, AssessError> {
+        let mut other = job.clone();
+        let corrections = finding.correction.into_iter();
+        corrections.for_each(|correction| correction.apply(&mut other));
+        let Ok(conditions) = conditions(&other) else {
+            return Ok(None);
+        };
+        let Some(of_other) = self.estimate(&mut other, conditions, effort)? else {
+            return Ok(None);
+        };
+        let is_better = !of_other.estimate.is_unmodelled() && assessed.estimate.cost > ALIKE * of_other.estimate.cost;
+        Ok(is_better.then_some((other, of_other)))
     }
 
     /// The set point that is logged before or after its effect.

@@ -4,7 +4,7 @@ use ema_identify::effort::{Effort, Request, Stage};
 use ema_identify::relations::{Needed, Relation, SinceCommissioning, is_coarsely_sampled};
 use ema_identify::unit_calibration::{UnitCalibration, UnitEstimator, UnitMonitor, UnitRelations, Unseen};
 use ema_identify::unit_estimate::{USUAL_COST, UnitEstimate, corrected, estimate_by_relations, of_both};
-use ema_identify::{Estimate, Fit, Identifier, Prepared};
+use ema_identify::{Estimate, Fit, Identifier, Inferred, Prepared};
 use ema_models::{ActuatorParams, Conditions, FAULT_COUNT, FaultId};
 
 use super::AssessError;
@@ -141,9 +141,10 @@ pub(super) fn estimate(
             found.estimate.inferred = by_relations.estimate.inferred;
         }
     }
-    found = found
-        .without_common_short(unit.seen.torque_change_max(conditions.winding_temp_deg_c))
-        .with_torque_sigma(unit.seen.magnet_sigma(conditions.winding_temp_deg_c));
+    let change_max = unit.seen.torque_change_max(conditions.winding_temp_deg_c);
+    let magnet_sigma = unit.seen.magnet_sigma(conditions.winding_temp_deg_c);
+    let (without_common, common) = found.without_common_change(change_max);
+    found = without_common.with_torque_sigma(magnet_sigma);
     let unseen = unit.seen.unseen(&motion, &job.params);
     let is_rigid = |relations: &UnitRelations| relations.commissioned.balance.shape.compliance.is_rigid();
     for respect in &unseen {
@@ -167,6 +168,11 @@ pub(super) fn estimate(
     if is_interpolated(job) {
         found = found.with_sigma_in(&OF_THE_ROTOR, interpolation_sigma(&job.params));
     }
+    // Last: what a common gain leaves open of one short is no doubt of another.
+    if let Some(common) = common {
+        found = found.with_common_ambiguity(common.value, change_max);
+        reasons.extend(common_change(&common, change_max, magnet_sigma));
+    }
     reasons.extend(not_observable(&found));
     reasons.extend(unseen.iter().map(ToString::to_string));
     Ok(Some(Assessed {
@@ -174,6 +180,29 @@ pub(super) fn estimate(
         fit,
         reasons,
     }))
+}
+
+/// Change of the torque for each ampere of all phases that a window states: twice the usual tolerance of the gain of a sensor.
+const COMMON_CHANGE: f64 = 0.02;
+
+/// Standard deviations by which it is clear.
+const COMMON_SIGMAS: f64 = 4.0;
+
+/// The reason that names what a change of all phases may be, beyond what the temperature explains.
+fn common_change(common: &Inferred, change_max: f64, magnet_sigma: f64) -> Option<String> {
+    let change = common.value - 1.0;
+    let clear = COMMON_SIGMAS * common.sigma.hypot(magnet_sigma);
+    (change.abs() > change_max + COMMON_CHANGE.max(clear)).then(|| {
+        let or_shorts = if change < 0.0 {
+            format!(", weaker magnets, or shorts of {:.2} in all phases", -change)
+        } else {
+            ", or stronger magnets".to_owned()
+        };
+        format!(
+            "ambiguous: torque of all phases {:.3} ± {:.3} times that of the commissioned unit: a gain of all current sensors, another inertia{or_shorts}",
+            common.value, common.sigma
+        )
+    })
 }
 
 /// Whether the angles of a window were interpolated at the times of its currents.
@@ -358,6 +387,22 @@ pub(crate) fn needed_in_words(needed: Needed) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_change_of_all_phases_names_what_it_may_be() {
+        let of = |value: f64, change_max: f64| common_change(&Inferred { value, sigma: 0.004 }, change_max, 0.0);
+        assert_eq!(of(0.985, 0.0), None);
+        assert_eq!(of(0.96, 0.09), None);
+        assert_eq!(
+            of(0.96, 0.0).as_deref(),
+            Some(
+                "ambiguous: torque of all phases 0.960 ± 0.004 times that of the commissioned unit: a gain of all current sensors, another \
+                 inertia, weaker magnets, or shorts of 0.04 in all phases"
+            )
+        );
+        let more = of(1.05, 0.0).unwrap();
+        assert!(more.ends_with("another inertia, or stronger magnets"), "{more}");
+    }
 
     #[test]
     fn one_relation_alone_points_at_what_it_reads() {

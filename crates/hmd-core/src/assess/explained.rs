@@ -23,7 +23,7 @@ use crate::sensor_checks::rivals::{
     BETTER, Corrected, Rival, Verdict, accused_by_reading, accuses_all_phases_alike, correct, is_doubtful, judge,
     reversed_current, rivals,
 };
-use crate::sensor_checks::{Contradiction, Suspect, Suspicion, contradictions};
+use crate::sensor_checks::{Contradiction, Correction, Suspect, Suspicion, contradictions};
 use crate::window::WindowQuality;
 
 /// Monitor runs that tell which of several readings is the likeliest: a healthy actuator with each of them, and two descents.
@@ -181,8 +181,7 @@ impl Assessor {
         let commissioned = self.commissioned_temperatures(job);
         let unit = self.models.unit(&job.actuator).and_then(|unit| unit.relations.as_ref());
         let load_error = unit.map_or(0.0, |unit| unit.commissioned.healthy_load_error());
-        for Contradiction { suspicion, correction } in
-            contradictions(job, &assessed.estimate, commissioned, load_error, self.watch_level())
+        for Contradiction { suspicion, correction } in contradictions(job, &assessed.estimate, commissioned, load_error)
         {
             if suspects.contains(&suspicion.suspect) {
                 continue;
@@ -203,6 +202,12 @@ impl Assessor {
                 Corrected::Alike => {}
                 Corrected::Without => {
                     assessed = without.widened(CORRECTED_FACTOR);
+                    // An inertia shows in the friction: shorts do not explain it.
+                    if let (Suspect::CurrentGain, Correction::Currents { gain: [gain, ..], .. }) =
+                        (suspicion.suspect, correction)
+                    {
+                        assessed.estimate = assessed.estimate.beside_common_gain(gain);
+                    }
                     *job = other;
                 }
             }

@@ -12,7 +12,6 @@ use ema_identify::{Estimate, Inferred};
 use ema_models::DriveKind;
 
 use super::correction::{Correction, LINK_POSSIBLE};
-use super::rivals::accuses_a_phase;
 use super::suspect::{Suspect, Suspicion};
 use crate::motion::friction_torque_sigma;
 use crate::outbox::WindowJob;
@@ -37,15 +36,13 @@ const FRICTION_SHARE: f64 = 0.05;
 const FRICTION_SCATTER: f64 = 0.15;
 
 /// The readings of a window that its estimate contradicts; `commissioned` are the winding temperatures at which the unit was commissioned, °C,
-/// where it was; `load_error` is the largest difference of found and measured load in its healthy windows, Nm; `level` is the damage from
-/// which on a part is accused.
+/// where it was; `load_error` is the largest difference of found and measured load in its healthy windows, Nm.
 #[must_use]
 pub fn contradictions(
     job: &WindowJob,
     estimate: &Estimate,
     commissioned: Option<Option<[f64; 2]>>,
     load_error: f64,
-    level: f64,
 ) -> Vec<Contradiction> {
     let mut found: Vec<Contradiction> = load(job, estimate, commissioned, load_error)
         .into_iter()
@@ -54,17 +51,7 @@ pub fn contradictions(
     if let (Some(temperatures), [Some(a), Some(b), Some(c)]) = (commissioned, estimate.inferred.turns) {
         let read = job.conditions.winding_temp_deg_c;
         let turns = [a, b, c].map(|turns| at_commissioning(turns, read, temperatures));
-        let off = if accuses_a_phase(estimate, level) {
-            GAIN_OFF_BESIDE_SHORT
-        } else {
-            GAIN_OFF
-        };
-        let by_gain = current_gain(
-            &turns,
-            expected_torque(read, temperatures),
-            off,
-            estimate.inferred.friction,
-        );
+        let by_gain = current_gain(&turns, expected_torque(read, temperatures), estimate.inferred.friction);
         found.extend(by_gain.or_else(|| temperature(&turns, read?, temperatures?)));
     }
     found
@@ -218,9 +205,11 @@ fn expected_torque(read: Option<f64>, commissioned: Option<[f64; 2]>) -> [f64; 2
 /// Change of the torque for each ampere, beyond that by temperature, that no tolerance explains.
 const GAIN_OFF: f64 = 0.05;
 
-/// The same beside a phase that is accused: a short changes one phase, so that what all have changed by stands in the others as shorts. Twice the
-/// usual tolerance of a gain.
+/// The same beside a short, which changes one phase and not all: twice the usual tolerance of a gain.
 const GAIN_OFF_BESIDE_SHORT: f64 = 0.02;
+
+/// Least difference between the phases that is a short, and no gain of one sensor: four of its tolerances.
+const SHORT_LEAST: f64 = 0.04;
 
 /// Gains that sensors may have.
 const GAIN_POSSIBLE: RangeInclusive<f64> = 0.5..=2.0;
@@ -228,37 +217,48 @@ const GAIN_POSSIBLE: RangeInclusive<f64> = 0.5..=2.0;
 /// Standard deviations of each phase; their mean is [`SIGMAS`] of its own off.
 const PHASE_SIGMAS: f64 = 2.0;
 
-/// A change of all three phases to the same side, by the phase that changed least and more than `off`: a worn winding changes one. Where the
-/// `friction` has changed as much to the same side, all but the inertia has: the torque balance measures by it.
-fn current_gain(
-    turns: &[Inferred; 3],
-    [low, high]: [f64; 2],
-    off: f64,
-    friction: Option<Inferred>,
-) -> Option<Contradiction> {
-    let weight = |x: &Inferred| 1.0 / (x.sigma * x.sigma);
-    let weights: f64 = turns.iter().map(weight).sum();
-    let mean = turns.iter().map(|x| weight(x) * x.value).sum::<f64>() / weights;
-    let clear = SIGMAS / weights.sqrt();
-    let [low, high] = [low - off, high + off];
-    let least = if mean + clear < low && turns.iter().all(|x| x.value + PHASE_SIGMAS * x.sigma < low) {
-        turns
-            .iter()
-            .reduce(|most, x| if x.value > most.value { x } else { most })
-    } else if mean - clear > high && turns.iter().all(|x| x.value - PHASE_SIGMAS * x.sigma > high) {
-        turns
-            .iter()
-            .reduce(|least, x| if x.value < least.value { x } else { least })
+/// A change of all phases to the same side, beyond `low` or `high` as the temperature explains it, by the phase with the most turns, and above
+/// all its turns by the second, which a short leaves as well: a worn winding changes one phase, to less. Where the `friction` has changed as
+/// much to the same side, all but the inertia has: the torque balance measures by it.
+fn current_gain(turns: &[Inferred; 3], [low, high]: [f64; 2], friction: Option<Inferred>) -> Option<Contradiction> {
+    let mut sorted = *turns;
+    sorted.sort_by(|one, other| other.value.total_cmp(&one.value));
+    let [most, second, least] = sorted;
+    let short_sigma = most.sigma.hypot(least.sigma);
+    let is_beside_short = most.value - least.value > SHORT_LEAST.max(SIGMAS * short_sigma);
+    let off = if is_beside_short {
+        GAIN_OFF_BESIDE_SHORT
     } else {
-        None
-    }?;
-    let gain = 1.0 / least.value;
+        GAIN_OFF
+    };
+    let [low, high] = [low - off, high + off];
+    let weight = |x: &Inferred| 1.0 / (x.sigma * x.sigma);
+    let mean_of = |turns: &[Inferred]| {
+        let weights: f64 = turns.iter().map(weight).sum();
+        let mean = turns.iter().map(|x| weight(x) * x.value).sum::<f64>() / weights;
+        (mean, SIGMAS / weights.sqrt())
+    };
+    let (mean, clear) = mean_of(turns);
+    let is_less = mean + clear < low && turns.iter().all(|x| x.value + PHASE_SIGMAS * x.sigma < low);
+    let more: &[Inferred] = if is_beside_short {
+        &[second, most]
+    } else {
+        &[least, second, most]
+    };
+    let (mean, clear) = mean_of(more);
+    let is_more = mean - clear > high && more.iter().all(|x| x.value - PHASE_SIGMAS * x.sigma > high);
+    let changed = match (is_less, is_more) {
+        (true, _) => most,
+        (_, true) => more[0],
+        _ => return None,
+    };
+    let gain = 1.0 / changed.value;
     // Currents that fit no motion at all, as of exchanged phases, are no matter of their gain.
     if !GAIN_POSSIBLE.contains(&gain) {
         return None;
     }
-    let sigma = least.sigma * gain * gain;
-    if let Some(friction) = friction.filter(|friction| is_as_inertia(friction, least)) {
+    let sigma = changed.sigma * gain * gain;
+    if let Some(friction) = friction.filter(|friction| is_as_inertia(friction, &changed)) {
         let evidence = format!(
             "it seems to be {gain:.2} ± {sigma:.2} times that of the commissioned unit: currents and friction, {:.2} ± {:.2} times, have both \
              changed against it",
@@ -271,9 +271,12 @@ fn current_gain(
         return Some(contradiction(Suspect::Inertia, &evidence, correction));
     }
     let or_magnets = if gain > 1.0 {
-        ", or the magnets are as much weaker"
+        format!(
+            ", or the magnets are as much weaker, or all phases shorted by {:.2}",
+            1.0 - changed.value
+        )
     } else {
-        ""
+        String::new()
     };
     let evidence = format!(
         "all phases read {gain:.2} ± {sigma:.2} times the current that the motion needs of the commissioned unit{or_magnets}"
@@ -345,24 +348,29 @@ mod tests {
         let usual = expected_torque(Some(20.0), Some([18.0, 22.0]));
         assert!(usual[0] > 0.997 && usual[1] < 1.003);
         let shorted = turns([0.7, 1.0, 0.99], 0.004);
-        assert_eq!(gain_of(current_gain(&shorted, usual, GAIN_OFF, None)), None);
+        assert_eq!(gain_of(current_gain(&shorted, usual, None)), None);
         let beside_a_short = turns([0.6, 0.875, 0.87], 0.004);
-        assert!((gain_of(current_gain(&beside_a_short, usual, GAIN_OFF, None)).unwrap() - 1.0 / 0.875).abs() < 1e-12);
+        assert!((gain_of(current_gain(&beside_a_short, usual, None)).unwrap() - 1.0 / 0.875).abs() < 1e-12);
         let low = turns([1.25, 1.26, 1.24], 0.004);
-        assert!((gain_of(current_gain(&low, usual, GAIN_OFF, None)).unwrap() - 1.0 / 1.24).abs() < 1e-12);
+        assert!((gain_of(current_gain(&low, usual, None)).unwrap() - 1.0 / 1.24).abs() < 1e-12);
         // Not shown.
+        assert_eq!(gain_of(current_gain(&turns([1.25; 3], 0.1), usual, None)), None);
+        // A gain that alone stays unnamed, beside a short.
+        let alone = turns([0.95, 0.948, 0.952], 0.004);
+        assert_eq!(gain_of(current_gain(&alone, usual, None)), None);
+        let small = turns([0.81, 0.948, 0.952], 0.004);
+        let found = gain_of(current_gain(&small, usual, None)).unwrap();
+        assert!((found - 1.0 / 0.952).abs() < 1e-12);
+        // Currents that read too little, beside a short that hides in one of them.
+        let found = gain_of(current_gain(&turns([0.89, 1.05, 1.052], 0.004), usual, None)).unwrap();
+        assert!((found - 1.0 / 1.05).abs() < 1e-12);
         assert_eq!(
-            gain_of(current_gain(&turns([1.25; 3], 0.1), usual, GAIN_OFF, None)),
+            gain_of(current_gain(&turns([0.95, 1.05, 1.0], 0.004), usual, None)),
             None
         );
-        // A gain that alone stays unnamed, beside a short.
-        let small = turns([0.81, 0.948, 0.952], 0.004);
-        assert_eq!(gain_of(current_gain(&small, usual, GAIN_OFF, None)), None);
-        let found = gain_of(current_gain(&small, usual, GAIN_OFF_BESIDE_SHORT, None)).unwrap();
-        assert!((found - 1.0 / 0.952).abs() < 1e-12);
         // Two phases are shorted.
         let two = turns([0.81, 0.95, 0.995], 0.004);
-        assert_eq!(gain_of(current_gain(&two, usual, GAIN_OFF_BESIDE_SHORT, None)), None);
+        assert_eq!(gain_of(current_gain(&two, usual, None)), None);
     }
 
     #[test]
@@ -371,12 +379,12 @@ mod tests {
         let all = turns([0.91, 0.905, 0.912], 0.004);
         let named = |value: f64| {
             let friction = Some(Inferred { value, sigma: 0.03 });
-            current_gain(&all, usual, GAIN_OFF, friction).map(|found| found.suspicion.suspect)
+            current_gain(&all, usual, friction).map(|found| found.suspicion.suspect)
         };
         assert_eq!(named(0.9), Some(Suspect::Inertia));
         assert_eq!(named(1.0), Some(Suspect::CurrentGain));
         assert_eq!(named(1.4), Some(Suspect::CurrentGain));
-        let untold = current_gain(&all, usual, GAIN_OFF, None).unwrap();
+        let untold = current_gain(&all, usual, None).unwrap();
         assert_eq!(untold.suspicion.suspect, Suspect::CurrentGain);
     }
 
@@ -401,10 +409,7 @@ mod tests {
         let cold = expected_torque(Some(-40.0), Some(commissioned));
         assert!((cold[0] - 1.024).abs() < 1e-12 && (cold[1] - 1.072).abs() < 1e-12);
         let as_cold = turns([1.06; 3], 0.004);
-        assert!(
-            current_gain(&as_cold, cold, GAIN_OFF, None).is_none()
-                && temperature(&as_cold, -40.0, commissioned).is_none()
-        );
+        assert!(current_gain(&as_cold, cold, None).is_none() && temperature(&as_cold, -40.0, commissioned).is_none());
         // One phase is shorted.
         let as_warm = turns([1.001, 0.999, 0.6], 0.004);
         let found = temperature(&as_warm, -40.0, commissioned).unwrap();

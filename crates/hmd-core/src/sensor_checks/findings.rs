@@ -182,7 +182,7 @@ fn of_frozen(frozen: &FrozenOutput) -> Finding {
 }
 
 /// Tolerances of the sensors; where the configuration calls every number exact, the usual ones: no sensor is exact.
-fn tolerances_of_sensors(tolerances: &Tolerances) -> &Tolerances {
+pub(super) fn tolerances_of_sensors(tolerances: &Tolerances) -> &Tolerances {
     if tolerances.current_offset > 0.0 {
         tolerances
     } else {

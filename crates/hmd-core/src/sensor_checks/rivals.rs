@@ -158,7 +158,7 @@ pub const BETTER: f64 = 2.0;
 const GOOD_COST: f64 = 6.5;
 
 /// Factor up to which two explanations are alike.
-const ALIKE: f64 = 1.15;
+pub const ALIKE: f64 = 1.15;
 
 /// Share of a damage that may be left where another reading explains it: without a reading every sigma is larger, which alone is no
 /// explanation.
@@ -188,12 +188,6 @@ const ALIKE_SHORTS: f64 = 0.25;
 
 /// Share of the largest of three shorts that the least has where they are alike.
 const LEAST_SHARE: f64 = 0.5;
-
-/// Whether an estimate accuses a phase.
-pub(super) fn accuses_a_phase(estimate: &Estimate, level: f64) -> bool {
-    let phases = [FaultId::ShortA, FaultId::ShortB, FaultId::ShortC];
-    accused(estimate, level).iter().any(|fault| phases.contains(fault))
-}
 
 /// Whether an estimate accuses a phase and finds all three alike: no winding fails so, but a gain of all currents, a weak magnet or a drive that
 /// the monitor does not know looks so.

@@ -4,6 +4,7 @@ mod bending_gear;
 mod check_config;
 mod cli_live;
 mod coarse_set_point;
+mod common_gain;
 mod current_offset;
 mod damaged_log;
 mod drives;

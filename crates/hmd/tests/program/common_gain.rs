@@ -1,0 +1,68 @@
+//! A gain of all current sensors that came since commissioning: no shorts of three phases, whatever the levels, and no hiding place of one.
+
+use crate::folder::Folder;
+
+/// Lines of a replay.
+fn lines(folder: &Folder, config: &str) -> Vec<serde_json::Value> {
+    let text = folder.done(&format!("replay later.log -c {config} --json"));
+    text.lines()
+        .map(|line| serde_json::from_str(line).expect("JSON"))
+        .collect()
+}
+
+/// Shorts of phases A, B, C, each with its sigma.
+fn shorts(line: &serde_json::Value) -> [(f64, f64); 3] {
+    [2, 3, 4].map(|n| {
+        let number = |key: &str| line[key][n].as_f64().expect("a number");
+        (number("k"), number("sigma"))
+    })
+}
+
+#[test]
+fn currents_that_all_read_wrong_accuse_no_phase_and_hide_no_short() {
+    let folder = Folder::new();
+    let unit = "[[actuator]]\nid = 0\ntype = \"servo270\"\n";
+    folder.write("new.toml", unit);
+    folder.write("hmd.toml", format!("{unit}calibration = \"unit.toml\"\n"));
+    let low = "[health]\nwatch = 0.02\nhysteresis = 0.01\n";
+    folder.write("low.toml", format!("{unit}calibration = \"unit.toml\"\n{low}"));
+    let simulate = |options: &str| folder.done(&format!("simulate --actuator servo270 --noise 0.02 {options}"));
+    let later = |gain: f64, options: &str| {
+        let gains: String = ["a", "b", "c"]
+            .iter()
+            .map(|phase| format!("--with current_gain_{phase}={gain} "))
+            .collect();
+        simulate(&format!("--windows 2 --seed 3 {gains}{options} -o later.log"));
+    };
+    simulate("--windows 10 --seed 11 -o healthy.log");
+    folder.done("calibrate healthy.log -c new.toml -o unit.toml");
+
+    later(0.04, "");
+    for line in [lines(&folder, "hmd.toml"), lines(&folder, "low.toml")].concat() {
+        assert_eq!(line["faults"], serde_json::json!([]), "{line}");
+        let reason = line["reason"].as_str().expect("a reason");
+        assert!(
+            reason.contains("ambiguous: torque of all phases") && reason.contains("shorts of 0.0"),
+            "{line}"
+        );
+        for (k, sigma) in shorts(&line) {
+            assert!(k < 2.0 * sigma && 0.04 - k < 2.5 * sigma, "{line}");
+        }
+    }
+    // What stands in the record does not depend on the levels.
+    let estimates = |config: &str| lines(&folder, config).iter().map(shorts).collect::<Vec<_>>();
+    assert_eq!(estimates("hmd.toml"), estimates("low.toml"));
+
+    for gain in [-0.05, 0.04] {
+        later(gain, "--fault short_a=0.15");
+        for line in lines(&folder, "hmd.toml") {
+            assert_eq!(
+                (&line["faults"], &line["suspects"]),
+                (&serde_json::json!(["short_a"]), &serde_json::json!(["current gain"])),
+                "{line}"
+            );
+            let [(k, sigma), ..] = shorts(&line);
+            assert!((k - 0.15).abs() < 2.0 * sigma, "{line}");
+        }
+    }
+}

@@ -8,6 +8,8 @@ mod mismatch;
 #[cfg(feature = "std")]
 mod type_calibration;
 
+#[cfg(feature = "std")]
+pub use mismatch::NoiseBeside;
 pub use mismatch::{Mismatch, SignalTable};
 #[cfg(feature = "std")]
 pub use type_calibration::{CALIBRATION_VERSION, CalibrationError, MonitorForm, Quality, TypeCalibration};

@@ -15,7 +15,7 @@
 //! healthy windows); out comes a [`RelationsEstimate`]: each fault parameter as the change since commissioning with its
 //! standard deviation, or what the window would have needed to show it, and whether each relation explains the window
 //! (`residual`). The windows are streamed through the kernel (`kernel`, `sliding`) into normal equations of fixed size; nothing
-//! allocates but commissioning, which has feature `std`.
+//! allocates but commissioning and the noise of a window (`measurement_noise`), which have feature `std`.
 //!
 //! A compliant transmission is a part of the kernel (`compliance`), found in commissioning (`compliance_search`). Measured accuracy and what
 //! is left out: `docs/design/relations.md`.
@@ -40,6 +40,8 @@ mod hidden_torque;
 mod jackknife;
 mod kernel;
 mod measured;
+#[cfg(feature = "std")]
+mod measurement_noise;
 mod normal_equations;
 mod output_load;
 mod overlap;
@@ -64,6 +66,8 @@ pub use elements::{ELEMENT_COUNT, Element, Needed, Reading};
 pub use gear_loss::{Directions, GearLossSigma};
 pub use kernel::Kernel;
 pub use measured::{MeasuredWindow, SinceCommissioning, WindingTemp};
+#[cfg(feature = "std")]
+pub use measurement_noise::{MeasurementNoise, NoiseChange};
 pub use residual::{HealthyResidual, RELATION_COUNT, Relation};
 pub use setpoint_delay::{SetpointDelay, setpoint_delay};
 #[cfg(feature = "std")]

@@ -15,7 +15,7 @@ use std::string::{String, ToString};
 use ema_models::{FaultId, MotorDeviation, MotorKnowledge};
 use serde::{Deserialize, Serialize};
 
-use crate::relations::{CommissionedRelations, ELEMENT_COUNT};
+use crate::relations::{CommissionedRelations, ELEMENT_COUNT, MeasurementNoise};
 
 pub use elements::{ElementStatistics, NORMAL_999, change_since, elements_of, fault_of, nominal_elements};
 pub(crate) use parameters::apply;
@@ -150,6 +150,9 @@ pub struct UnitRelations {
     pub residual_rms_nm: f64,
     /// Factor on the sigma of each element, at least 1: how much farther windows that were left out lie from no change.
     pub sigma_factors: [f64; ELEMENT_COUNT],
+    /// Noise of the measured signals in the windows; older files had none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise: Option<MeasurementNoise>,
     /// What was learnt of all windows.
     pub commissioned: CommissionedRelations,
 }

@@ -81,7 +81,7 @@ pub use params::{
 pub use prior::{NormalEquations, Prior};
 pub use real::Real;
 pub use recording::{Recording, WindowFrame, prepare_window};
-pub use residual::ResidualState;
+pub use residual::{ResidualState, speed_span};
 pub use samples::{ComparedSample, InitialState, Origin, SensedSample};
 pub use signals::{SIGNAL_COUNT, Signals, Weights};
 pub use step_response::{StepResponse, StepTrial};

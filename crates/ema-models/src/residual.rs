@@ -23,7 +23,7 @@ impl<R: Real> ResidualState<R> {
     #[must_use]
     #[inline(always)]
     pub fn new(sample_rate: f64) -> Self {
-        let span = (libm::round(sample_rate * SPEED_SPAN) as usize).clamp(1, LONGEST_SPAN);
+        let span = speed_span(sample_rate);
         Self {
             per_span: R::splat(sample_rate / span as f64),
             span,
@@ -58,6 +58,13 @@ impl<R: Real> ResidualState<R> {
             theta_out: measured.theta_out - output.theta_out,
         }
     }
+}
+
+/// Samples over which the residual of the speed is taken, at a sample rate, Hz.
+#[must_use]
+#[inline(always)]
+pub fn speed_span(sample_rate: f64) -> usize {
+    (libm::round(sample_rate * SPEED_SPAN) as usize).clamp(1, LONGEST_SPAN)
 }
 
 /// Time over which speed is measured, s.

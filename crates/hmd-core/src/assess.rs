@@ -6,6 +6,7 @@
 mod by_signals;
 mod by_unit;
 mod coarse_setpoint;
+mod coarse_steps;
 mod conditions;
 mod estimator;
 mod explained;
@@ -28,6 +29,7 @@ use crate::record::{self, WindowStatus};
 use crate::sensor_checks::{Suspect, sensor_readings};
 use crate::window::WindowQuality;
 use crate::windows_in_a_row::{News, WindowsInARow};
+use coarse_steps::with_steps;
 use ema_identify::effort::Effort;
 use ema_identify::unit_calibration::{CommissionedSensors, RATE_MARGIN, UnitCalibration};
 use ema_identify::{Estimate, Fit, Identifier, Method, Population, Prepared};
@@ -353,13 +355,10 @@ impl Assessor {
     pub fn identifier_of(&self, job: &WindowJob) -> Result<Identifier, AssessError> {
         let unit = self.models.unit(&job.actuator);
         let monitor = unit.and_then(|unit| unit.monitor);
+        let of_type = self.models.of_type(&job.actuator.type_name)?.calibration.clone();
         Ok(Identifier {
             params: monitor.map_or(job.params, |monitor| monitor.parameters.applied_to(&job.params)),
-            calibration: self
-                .models
-                .of_type(&job.actuator.type_name)?
-                .calibration
-                .clone()
+            calibration: with_steps(of_type, job)
                 .with_current_time_constant(monitor.map_or(0.0, |monitor| monitor.current_time_constant_s)),
             method: self.method,
             motor: motor_knowledge_at(self.models.motor(&job.actuator), job.conditions.winding_temp_deg_c),

@@ -33,7 +33,8 @@ use std::sync::Arc;
 use ema_models::ActuatorParams;
 use serde::Serialize;
 
-use crate::log_map::{LogMap, LogMisfit};
+use crate::dbc::Unit;
+use crate::log_map::{LogMap, LogMisfit, Quantity};
 
 /// Whose frames they are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -219,6 +220,38 @@ impl DriveBus {
     #[must_use]
     pub fn layout(&self) -> &DriveLayout {
         &self.layout
+    }
+
+    /// The step of a sampled quantity in the drive's frames, in its internal unit (A, counts); `None` where it has no fixed number of bits there.
+    #[must_use]
+    pub fn step(&self, quantity: Quantity) -> Option<f64> {
+        let (place, unit) = self.place_of(quantity)?;
+        Some((place.step()? * unit.scale).abs())
+    }
+
+    /// Magnitude of the quadrature current, A, from which on its field is at an end of its range, where the frames have no direct one; `None` where the
+    /// field has no fixed number of bits.
+    #[must_use]
+    pub fn quadrature_max(&self) -> Option<f64> {
+        if self.place_of(Quantity::CurrentD).is_some() {
+            return None;
+        }
+        let (place, unit) = self.place_of(Quantity::CurrentQ)?;
+        let [first, last] = place.ends()?.map(|end| unit.to_internal(end).abs());
+        Some(first.min(last) - 0.5 * self.step(Quantity::CurrentQ)?)
+    }
+
+    /// Where a sampled quantity is in the frames, and its unit there.
+    fn place_of(&self, quantity: Quantity) -> Option<(&Place, Unit)> {
+        let fields = self.layout.messages.iter().flat_map(|message| &message.fields);
+        let mut places = fields.filter_map(|field| {
+            let Target::Column(column) = field.target else {
+                return None;
+            };
+            let column = self.layout.columns.get(column).filter(|of| of.quantity == quantity)?;
+            Some((&field.place, column.conversion(None, &self.params).ok()?))
+        });
+        places.next()
     }
 
     /// Its quantities, as the columns of a log.

@@ -22,7 +22,7 @@ pub(crate) fn motion_of(job: &WindowJob) -> Motion {
 }
 
 /// Steps of currents, A, motor and output angle, counts, by the samples that were measured.
-fn steps(job: &WindowJob) -> [f64; 3] {
+pub(crate) fn steps(job: &WindowJob) -> [f64; 3] {
     let window = &job.window;
     let of = |signal: &dyn Fn(&SensedSample) -> f64, unit: f64| {
         let all = window.samples.iter().enumerate();

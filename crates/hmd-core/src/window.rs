@@ -259,6 +259,13 @@ impl Windower {
         self
     }
 
+    /// The same for samples of a drive whose frames hold no larger quadrature current, A, and no direct one: what is there is clipped.
+    #[must_use]
+    pub fn with_quadrature_max(mut self, quadrature_max_a: Option<f64>) -> Self {
+        self.limits.quadrature_max_a = quadrature_max_a;
+        self
+    }
+
     /// The same for samples without set point: motion of the motor begins a window.
     #[must_use]
     pub fn triggered_by_motion(mut self) -> Self {

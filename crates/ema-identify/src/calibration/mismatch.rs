@@ -41,6 +41,41 @@ impl Mismatch {
     }
 }
 
+/// Noise of a window's signals beside the mismatch of its monitor.
+#[cfg(feature = "std")]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NoiseBeside {
+    /// Variance of errors that are independent from sample to sample.
+    pub white: Signals<f64>,
+    /// Variance of an error that is the same in all samples of a window.
+    pub lasting: Signals<f64>,
+}
+
+#[cfg(feature = "std")]
+impl Mismatch {
+    /// The same of windows of so many samples at a sample rate, Hz, whose signals have this noise beside: with `r² c` of the mismatch, white and
+    /// lasting variances w and l, and n samples, the residual is `√(r² + w + l)`, and `(r² c + w + l n)/(r² + w + l)` samples are as one.
+    #[must_use]
+    pub fn with_noise_beside(&self, noise: &NoiseBeside, sample_rate: f64, samples: usize) -> Self {
+        let of = |table: SignalTable| Signals::from(table).to_array();
+        let (mut rms, mut correlation) = (of(self.residual_rms), of(self.correlation_samples));
+        let (white, lasting) = (noise.white.to_array(), noise.lasting.to_array());
+        for s in 0..SIGNAL_COUNT {
+            let own = rms[s] * rms[s];
+            let whole = own + white[s] + lasting[s];
+            let correlated = (correlation[s] * sample_rate / self.sample_rate_hz).max(1.0);
+            correlation[s] = (own * correlated + white[s] + lasting[s] * samples as f64) / whole;
+            rms[s] = libm::sqrt(whole);
+        }
+        Self {
+            sample_rate_hz: sample_rate,
+            residual_rms: Signals::from_array(rms).into(),
+            correlation_samples: Signals::from_array(correlation).into(),
+            ..*self
+        }
+    }
+}
+
 /// One number per compared signal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(

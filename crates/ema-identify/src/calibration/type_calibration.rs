@@ -9,7 +9,7 @@ use std::vec::Vec;
 use ema_models::{Calibration, FAULT_COUNT, Form, PaperShape, RIPPLE_KNOTS, Ripple, Signals, Weights};
 use serde::{Deserialize, Serialize};
 
-use super::mismatch::{Mismatch, SignalTable};
+use super::mismatch::{Mismatch, NoiseBeside, SignalTable};
 
 /// Version of the file's layout.
 pub const CALIBRATION_VERSION: u32 = 3;
@@ -287,6 +287,16 @@ impl TypeCalibration {
         } else {
             self
         }
+    }
+
+    /// The same for windows of so many samples at a sample rate, Hz, whose signals have this noise beside.
+    #[must_use]
+    pub fn with_noise_beside(self, noise: &NoiseBeside, sample_rate: f64, samples: usize) -> Self {
+        let at_rate = vec![
+            self.mismatch_near(sample_rate)
+                .with_noise_beside(noise, sample_rate, samples),
+        ];
+        Self { at_rate, ..self }
     }
 
     /// The table of the sample rate nearest to the given one, as a ratio.

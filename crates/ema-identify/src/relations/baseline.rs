@@ -54,16 +54,23 @@ impl Baseline {
     /// holds for sigmas up to the largest of theirs, and where they scatter more for every one; a window that shows less than they
     /// do keeps what its own sigma has besides. That they scatter less than their sigmas holds for a window of the `same_motion`
     /// alone: errors of the model repeat with the motion. The uncertainty of their mean is added. Derived here.
-    pub(super) fn widened(&self, reading: Reading, same_motion: bool) -> Result<Reading, Needed> {
+    /// Where a window has less noise than the healthy ones, their sigmas count with the share `calm` that is left of their residual; what
+    /// they scatter beyond their sigmas is none of the noise.
+    pub(super) fn widened(&self, reading: Reading, same_motion: bool, calm: f64) -> Result<Reading, Needed> {
         if self.windows < 2 {
             return Err(Needed::CommissioningThatShowsIt);
         }
         let mean = self.scatter / libm::sqrt(self.windows as f64);
         let squared = |sigma: f64| sigma * sigma;
-        let like_theirs = reading.sigma.min(self.sigma_largest).max(self.sigma);
+        let like_theirs = reading.sigma.min(self.sigma_largest).max(calm * self.sigma);
         let besides = (squared(reading.sigma) - squared(like_theirs)).max(0.0);
         let excess = if same_motion { self.excess } else { self.excess.max(1.0) };
-        let variance = squared(excess * like_theirs) + squared(self.excess.max(1.0)) * besides;
+        let beyond_noise = if excess > 1.0 {
+            (squared(excess) - 1.0) * (squared(self.sigma) - squared(like_theirs)).max(0.0)
+        } else {
+            0.0
+        };
+        let variance = squared(excess * like_theirs) + beyond_noise + squared(self.excess.max(1.0)) * besides;
         let sigma = libm::sqrt(variance + squared(mean));
         Ok(Reading { sigma, ..reading })
     }

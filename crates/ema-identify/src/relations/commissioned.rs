@@ -83,6 +83,9 @@ pub struct RelationsEstimate {
     pub play_explains: bool,
     /// Root-mean-square residual of the torque balance, Nm.
     pub torque_residual_rms: f64,
+    /// The same without what noise explains of it beyond that of the healthy windows.
+    #[cfg(feature = "std")]
+    pub torque_beyond_noise_rms: f64,
     /// Rows of the torque balance.
     pub torque_rows: usize,
     /// Constant load at the output, Nm; positive opposes positive motion.
@@ -150,11 +153,17 @@ impl CommissionedRelations {
                 error
             }
         };
+        // With less noise than at commissioning, readings of the torque balance are surer than those of the healthy windows.
+        #[cfg(feature = "std")]
+        let calm = balance.torque_residual.calm;
+        #[cfg(not(feature = "std"))]
+        let calm = 1.0;
+        let calm_of = |element: Element| if Element::BALANCE.contains(&element) { calm } else { 1.0 };
         let change_of = |element: Element| {
             let baseline = &self.baseline[element as usize];
             let reading = readings
                 .get(element)
-                .and_then(|reading| baseline.widened(reading, same_motion))?;
+                .and_then(|reading| baseline.widened(reading, same_motion, calm_of(element)))?;
             let changed = change(element, reading, baseline.mean, window.params());
             let error = error_of(element);
             let sigma = libm::hypot(changed.sigma, error.floor);
@@ -246,7 +255,12 @@ impl CommissionedRelations {
             share: [0.0; FAULT_COUNT],
             residual_share,
             play_explains,
+            #[cfg(feature = "std")]
+            torque_residual_rms: balance.torque_residual.rms,
+            #[cfg(not(feature = "std"))]
             torque_residual_rms: balance.residuals[Relation::TorqueBalance as usize].rms,
+            #[cfg(feature = "std")]
+            torque_beyond_noise_rms: balance.torque_residual.beyond_noise_rms,
             torque_rows: balance.rows,
             load_torque: balance.load.constant,
             load_sigma: balance.load_sigma,

@@ -6,6 +6,8 @@ use core::ops::Range;
 use ema_models::{ActuatorParams, MotorParams, Real, SensedSample, Setpoint, temperature_factors};
 
 use super::gear_loss::GearLossSigma;
+#[cfg(feature = "std")]
+use super::measurement_noise::NoiseChange;
 use crate::monitor_fit::RecordedSample;
 
 /// A window of consecutive samples, its counters on one wrap.
@@ -17,6 +19,9 @@ pub struct MeasuredWindow<'a, S> {
     samples: &'a [S],
     filled: &'a [usize],
     since: SinceCommissioning,
+    /// Its noise and that of commissioning, where both count.
+    #[cfg(feature = "std")]
+    noise: Option<NoiseChange>,
 }
 
 impl<S> Clone for MeasuredWindow<'_, S> {
@@ -124,6 +129,8 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
             samples,
             filled,
             since: SinceCommissioning::default(),
+            #[cfg(feature = "std")]
+            noise: None,
         }
     }
 
@@ -141,6 +148,19 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
             since,
             ..self
         }
+    }
+
+    /// The same with its residuals counted beyond what its noise explains.
+    #[cfg(feature = "std")]
+    #[must_use]
+    pub fn with_noise(self, noise: Option<NoiseChange>) -> Self {
+        Self { noise, ..self }
+    }
+
+    /// Its noise and that of commissioning, where both count.
+    #[cfg(feature = "std")]
+    pub(super) fn noise(&self) -> Option<&NoiseChange> {
+        self.noise.as_ref()
     }
 
     pub(super) fn is_other_motion(&self) -> bool {

@@ -16,6 +16,8 @@ use super::elements::{Element, ElementReadings, Needed, Reading};
 use super::jackknife::Jackknife;
 use super::kernel::Kernel;
 use super::measured::MeasuredWindow;
+#[cfg(feature = "std")]
+use super::measurement_noise::{NoiseGains, NoiseRise};
 use super::normal_equations::{NormalEquations, Solution};
 use super::output_load::OutputLoad;
 use super::overlap::Overlap;
@@ -127,6 +129,12 @@ pub(super) struct TorqueBalance {
     pub(super) load_sigma: Option<f64>,
     /// Root-mean-square residual, Nm.
     pub(super) residual_rms: f64,
+    /// The same without what noise explains of it beyond that of the healthy windows.
+    #[cfg(feature = "std")]
+    pub(super) beyond_noise_rms: f64,
+    /// What another noise than at commissioning makes of the residual.
+    #[cfg(feature = "std")]
+    pub(super) rise: NoiseRise,
     /// Rows used.
     pub(super) rows: usize,
     /// Rows used that share no sample.
@@ -159,6 +167,10 @@ pub(super) fn torque_balance<S: RecordedSample>(
         load: OutputLoad::default(),
         load_sigma: None,
         residual_rms: 0.0,
+        #[cfg(feature = "std")]
+        beyond_noise_rms: 0.0,
+        #[cfg(feature = "std")]
+        rise: NoiseRise::unknown(unit.residual_rms),
         rows: 0,
         independent: 0.0,
         shorted: None,
@@ -176,6 +188,10 @@ pub(super) fn torque_balance<S: RecordedSample>(
         return balance;
     };
     balance.residual_rms = solution.residual_rms;
+    #[cfg(feature = "std")]
+    {
+        (balance.beyond_noise_rms, balance.rise) = (rows.beyond_noise(solution.residual_rms), rows.rise);
+    }
     balance.load = load;
     let noise = rows.noise_beside_loop(&noise);
     let (covariance, directions) = rows.covariance(&equations, &solution, &noise, learnt);
@@ -282,6 +298,9 @@ struct Rows<'a, S> {
     state: WindowState,
     /// The loop that stands in place of the turns of its phase.
     shorted: Option<ShortedLoop>,
+    /// What another noise than at commissioning makes of the residual, by the rows of the first solution.
+    #[cfg(feature = "std")]
+    rise: NoiseRise,
 }
 
 impl<'a, S: RecordedSample> Rows<'a, S> {
@@ -296,6 +315,28 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
                 ..WindowState::healthy(OutputLoad::default())
             },
             shorted: None,
+            #[cfg(feature = "std")]
+            rise: NoiseRise::unknown(unit.residual_rms),
+        }
+    }
+
+    /// A residual without what noise explains of it beyond that of the healthy windows; as it is where nothing is known of the noise.
+    #[cfg(feature = "std")]
+    fn beyond_noise(&self, residual_rms: f64) -> f64 {
+        self.rise.beyond(residual_rms)
+    }
+
+    #[cfg(not(feature = "std"))]
+    fn beyond_noise(&self, residual_rms: f64) -> f64 {
+        residual_rms
+    }
+
+    /// Takes the noise of the window into account, with the rows of these equations.
+    #[cfg(feature = "std")]
+    fn count_noise(&mut self, equations: &NormalEquations<FREE_COUNT>) {
+        if let Some(noise) = self.window.noise() {
+            let gains = NoiseGains::of_torque_balance(self.window, self.kernel);
+            self.rise = NoiseRise::new(noise, &gains, self.unit.residual_rms, self.independent(equations));
         }
     }
 
@@ -313,7 +354,9 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
         turns: Turns,
     ) -> Option<(Solution<FREE_COUNT>, OutputLoad)> {
         let missing = self.fit(equations, noise)?;
-        let residual_rms = missing.0.residual_rms;
+        #[cfg(feature = "std")]
+        self.count_noise(equations);
+        let residual_rms = self.beyond_noise(missing.0.residual_rms);
         if turns == Turns::Healthy || residual_rms <= SUSPICIOUS * self.unit.residual_rms {
             return Some(missing);
         }
@@ -385,7 +428,7 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
                 admittance: first,
             };
             if let Some((solution, _)) = self.refine_loop(start, PHASE_ROUNDS, equations, noise) {
-                let left = solution.residual_rms;
+                let left = self.beyond_noise(solution.residual_rms);
                 if best.is_none_or(|(least, _)| left < least) {
                     best = self.shorted.map(|shorted| (left, shorted));
                 }
@@ -397,7 +440,7 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
             self.refine_loop(shorted, LOOP_ROUNDS, equations, noise)
         });
         let limit = (CLEARLY_BETTER * residual_rms).min(EXPLAINED * self.unit.residual_rms);
-        if refined.is_some_and(|(solution, _)| solution.residual_rms < limit) {
+        if refined.is_some_and(|(solution, _)| self.beyond_noise(solution.residual_rms) < limit) {
             return refined;
         }
         (self.shorted, self.state) = (None, state);
@@ -517,7 +560,7 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
         }
         if let Some(learnt) = learnt {
             // What fits worse has more of what commissioning does not know.
-            let worse = (solution.residual_rms / unit.residual_rms.max(f64::MIN_POSITIVE)).max(1.0);
+            let worse = (self.beyond_noise(solution.residual_rms) / unit.residual_rms.max(f64::MIN_POSITIVE)).max(1.0);
             let spread = spread(window.params()) * (worse * worse);
             let phase = self.shorted.map(|shorted| shorted.phase);
             covariance += covariance_by_shared(&error_of_shared(solution, &with_shared, phase), learnt, &spread);

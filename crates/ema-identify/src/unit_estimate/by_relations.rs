@@ -8,7 +8,9 @@ use super::UnitEstimate;
 use crate::counter_alignment::align_counters;
 use crate::estimate::{Estimate, UNMODELLED_COST};
 use crate::inferred::{Inferred, InferredReadings};
-use crate::relations::{Element, MeasuredWindow, Relation, RelationsEstimate, SinceCommissioning};
+use crate::relations::{
+    Element, MeasuredWindow, MeasurementNoise, NoiseChange, Relation, RelationsEstimate, SinceCommissioning,
+};
 use crate::unit_calibration::UnitRelations;
 
 /// A window's samples with both counters on the wraps that bring the angles together.
@@ -64,7 +66,12 @@ const RESIDUAL_FLOOR: f64 = 5e-3;
 /// gain or backlash, is not observable. `is_locked`: the motor stood while it was commanded to move.
 #[must_use]
 pub fn estimate_by_relations(unit: &UnitRelations, window: &AlignedWindow<'_>, is_locked: bool) -> UnitEstimate {
-    let found = unit.commissioned.estimate(&window.measured());
+    let measured = window.measured();
+    let noise = MeasurementNoise::of(&measured).map(|now| NoiseChange {
+        now,
+        commissioned: unit.noise,
+    });
+    let found = unit.commissioned.estimate(&measured.with_noise(noise));
     let mut sigma = found.sigma;
     // Of the two components of the eccentricity the larger factor.
     let mut factors = [1.0; FAULT_COUNT];
@@ -91,7 +98,7 @@ pub fn estimate_by_relations(unit: &UnitRelations, window: &AlignedWindow<'_>, i
     let residual = if found.play_explains {
         unit.residual_rms_nm
     } else {
-        found.torque_residual_rms
+        found.torque_beyond_noise_rms
     };
     let ratio = residual.hypot(floor) / unit.residual_rms_nm.hypot(floor);
     let cost = 0.5 * ratio * ratio;

@@ -73,6 +73,10 @@ impl Windowing {
                     _ => windower,
                 })
                 .map(|windower| {
+                    let drive = actuator.drive_bus.as_ref();
+                    windower.with_quadrature_max(drive.and_then(|drive| drive.quadrature_max()))
+                })
+                .map(|windower| {
                     if actuator.has_set_point() {
                         windower
                     } else {

@@ -1,8 +1,9 @@
 //! The relations of one unit, and what they say of windows that were left out.
 
 use ema_identify::relations::{
-    BalanceShape, CommissionError, CommissionedRelations, Element, FRICTION_MIN_SHARE, MeasuredWindow, Needed,
-    RelationsEstimate, SinceCommissioning, Term, coarse_torque_error, commission, commission_as,
+    BalanceShape, CommissionError, CommissionedRelations, Element, FRICTION_MIN_SHARE, MeasuredWindow,
+    MeasurementNoise, Needed, RelationsEstimate, SinceCommissioning, Term, coarse_torque_error, commission,
+    commission_as,
 };
 use ema_identify::unit_calibration::{Seen, UnitParameter, UnitRelations, nominal_elements};
 use ema_identify::unit_estimate::{AlignedWindow, estimate_by_relations};
@@ -86,6 +87,7 @@ pub(super) fn learn_relations(jobs: &[WindowJob], seen: &Seen) -> Result<Relatio
     let unit = UnitRelations {
         residual_rms_nm: rms,
         sigma_factors,
+        noise: MeasurementNoise::mean(windows.iter().filter_map(MeasurementNoise::of)),
         commissioned,
     };
     let sigmas: Vec<_> = aligned

@@ -127,8 +127,27 @@ fn little_endian_float() -> Signal {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::drive_bus::Preset;
     use crate::drive_bus::layout::Target;
+    use crate::drive_bus::{DriveBus, ObjectDictionary, Preset};
+
+    #[test]
+    fn fields_have_steps_and_ends() {
+        let settings = DriveSettings {
+            rated_current_a: Some(20.0),
+            position_max_rad: Some(1.0),
+            ..DriveSettings::new(Preset::Damiao, 2)
+        };
+        let params = ActuatorParams::servo270();
+        let drive = DriveBus::new(settings, &params, ObjectDictionary::default()).unwrap();
+        let near = |found: Option<f64>, expected: f64| (found.unwrap() / expected - 1.0).abs() < 1e-9;
+        assert!(near(drive.step(Quantity::CurrentQ), 40.0 / 4095.0));
+        // In counts of the motor.
+        let counts = params.transmission.gear_ratio * params.sensors.motor_counts_per_rev / core::f64::consts::TAU;
+        let motor = drive.step(Quantity::Of(Role::MotorPosition));
+        assert!(near(motor, 2.0 / 65_535.0 * counts), "{motor:?}");
+        assert!(near(drive.quadrature_max(), 20.0 - 20.0 / 4095.0));
+        assert_eq!(drive.step(Quantity::CurrentD), None);
+    }
 
     #[test]
     fn a_feedback_frame_is_read_as_the_manual_has_it() {

@@ -187,6 +187,29 @@ impl Field {
 }
 
 impl Place {
+    /// The least and the largest value of a whole number of fixed size, in the signal's unit.
+    pub(super) fn ends(&self) -> Option<[f64; 2]> {
+        let Self::Bits(signal) = self else { return None };
+        let numbers = f64::powi(2.0, i32::from(signal.layout.size));
+        let raw = match signal.kind {
+            SignalKind::Unsigned => [0.0, numbers - 1.0],
+            SignalKind::Signed => [-0.5 * numbers, 0.5 * numbers - 1.0],
+            SignalKind::F32 | SignalKind::F64 => return None,
+        };
+        Some(raw.map(|raw| raw * signal.factor + signal.offset))
+    }
+
+    /// Step of a whole number of fixed size, in the signal's unit.
+    pub(super) fn step(&self) -> Option<f64> {
+        match self {
+            Self::Bits(signal) if matches!(signal.kind, SignalKind::Unsigned | SignalKind::Signed) => {
+                Some(signal.factor)
+            }
+            Self::CurrentByPower { current, .. } => current.step(),
+            Self::Bits(_) | Self::Register(_) => None,
+        }
+    }
+
     /// A number of so many bits from a bit on, the least significant first.
     pub(super) fn bits(kind: SignalKind, start: u16, size: u16) -> Self {
         Self::Bits(Signal {

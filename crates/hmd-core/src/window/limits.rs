@@ -14,6 +14,8 @@ pub(super) struct Limits {
     pub(super) sample_rate: f64,
     pub(super) full_scale_a: f64,
     pub(super) current_lsb_a: f64,
+    /// Largest magnitude of a quadrature current without a direct one that a drive's frames hold, A.
+    pub(super) quadrature_max_a: Option<f64>,
     pub(super) rotor: Rotor,
     pub(super) output_lsb: f64,
     pub(super) gear_ratio: f64,
@@ -50,6 +52,7 @@ impl Limits {
             sample_rate: sensors.sample_rate,
             full_scale_a: sensors.current_full_scale,
             current_lsb_a: sensors.current_lsb(),
+            quadrature_max_a: None,
             rotor: Rotor::new(params.motor.pole_pairs, sensors),
             output_lsb,
             gear_ratio,

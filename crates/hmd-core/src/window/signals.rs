@@ -57,11 +57,18 @@ fn current_defect(currents: [f64; 3], limits: &Limits) -> Option<Defect> {
     } else if largest > limits.full_scale_a - 1.5 * limits.current_lsb_a {
         // The positive end of a two's complement converter is one step short of full scale.
         Some(Defect::Clipped)
+    } else if limits.quadrature_max_a.is_some_and(|most| length(currents) >= most) {
+        Some(Defect::Clipped)
     } else if currents.iter().sum::<f64>().abs() > CURRENT_SUM_MAX_A {
         Some(Defect::CurrentSum)
     } else {
         None
     }
+}
+
+/// Length of the current vector, A: of a quadrature current without a direct one, its magnitude.
+fn length(currents: [f64; 3]) -> f64 {
+    (currents.iter().map(|i| i * i).sum::<f64>() / 1.5).sqrt()
 }
 
 /// A signal that stayed the same, bit for bit, for the stuck time and longer, while another says that it must have changed:

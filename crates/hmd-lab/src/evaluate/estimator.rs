@@ -1,7 +1,7 @@
 //! What estimates the windows of the suites `paper` and `random`: a search, or the relations of a commissioned unit.
 
 use ema_ga::ConfigError;
-use ema_identify::relations::{BalanceShape, CommissionError, MeasuredWindow, commission};
+use ema_identify::relations::{BalanceShape, CommissionError, MeasuredWindow, MeasurementNoise, commission};
 use ema_identify::unit_calibration::UnitRelations;
 use ema_identify::unit_estimate::{AlignedWindow, estimate_by_relations};
 use ema_identify::{Estimate, Identifier};
@@ -48,6 +48,7 @@ impl Estimator {
         let unit = UnitRelations {
             residual_rms_nm: residuals.sum::<f64>() / measured.len() as f64,
             sigma_factors: [1.0; ema_identify::relations::ELEMENT_COUNT],
+            noise: MeasurementNoise::mean(measured.iter().filter_map(MeasurementNoise::of)),
             commissioned,
         };
         Ok(Self::Relations(Box::new((unit, *params))))

@@ -133,6 +133,31 @@ fn without_an_encoder_at_the_output_play_is_not_observable() {
     }
 }
 
+/// A position in steps of a hundredth of the motor's turn is coarser than any encoder.
+#[test]
+fn a_healthy_unit_behind_coarse_fields_is_modelled_before_it_is_commissioned() {
+    let bus = Bus {
+        actuator: "servo270",
+        preset: "damiao",
+        encoder: false,
+        rate_hz: 400,
+        keys: "rated_current_a = 10\nposition_max_rad = 1\nfeedback_id = 0x11",
+    };
+    let folder = Folder::new();
+    bus.configure(&folder, "new", "");
+    let assessed = |options: &str| {
+        bus.simulate(&folder, options, "new.log");
+        folder.done("replay new.log -c new.toml --json")
+    };
+    for profile in ["mixed", "step", "ramp"] {
+        let healthy = assessed(&format!("--windows 4 --seed 30 --profile {profile}"));
+        assert_eq!(count(&healthy, "\"status\":\"degraded\""), 4, "{profile}: {healthy}");
+        assert_eq!(count(&healthy, "\"faults\":[]"), 4, "{profile}: {healthy}");
+    }
+    let eccentric = assessed("--windows 2 --seed 30 --fault eccentricity=0.3");
+    assert_eq!(count(&eccentric, "\"faults\":[\"eccentricity\"]"), 2, "{eccentric}");
+}
+
 #[test]
 fn without_set_point_motion_begins_a_window() {
     let bus = Bus {

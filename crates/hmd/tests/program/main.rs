@@ -19,6 +19,7 @@ mod learnt_replays;
 mod lines;
 mod live;
 mod measured_log;
+mod measurement_noise;
 mod no_output_angle;
 mod outputs;
 mod printed;

@@ -3,10 +3,16 @@
 use super::{CommissionedRelations, PLAY_RESIDUAL};
 use crate::monitor_fit::RecordedSample;
 use crate::relations::baseline::Baseline;
+#[cfg(feature = "std")]
+use crate::relations::compliance::Compliance;
 use crate::relations::controller::{LawKnowledge, gain_ratio};
 use crate::relations::elements::{Element, ElementReadings, Needed, Reading};
 use crate::relations::flanks::Flanks;
+#[cfg(feature = "std")]
+use crate::relations::kernel::Kernel;
 use crate::relations::measured::MeasuredWindow;
+#[cfg(feature = "std")]
+use crate::relations::measurement_noise::{NoiseGains, NoiseRise};
 use crate::relations::output_load::OutputLoad;
 use crate::relations::residual::{RELATION_COUNT, Relation, Residual};
 use crate::relations::setpoint_delay::{SetpointDelay, setpoint_delay};
@@ -41,12 +47,35 @@ impl CommissionedRelations {
         let found = setpoint_delay(window, self.torque_scale).filter(|_| is_comparable);
         let used = found.as_ref().filter(|_| !is_healthy);
         let (mut gain, residual) = gain_ratio(window, self.gain_half_width_s, self.law_knowledge(used))?;
+        #[cfg(feature = "std")]
+        let residual = self.law_residual_beyond_noise(window, residual);
         if let Some(found) = used {
             let of_mean = healthy.scatter / libm::sqrt(healthy.windows.max(1) as f64);
             let sigma = libm::hypot(found.delay_s.sigma, of_mean);
             gain.sigma = libm::hypot(gain.sigma, found.gain_per_s * sigma);
         }
         Ok((gain, residual))
+    }
+
+    /// The residual of the law of the speed loop as what it is against that of the healthy windows, without what noise explains of it.
+    #[cfg(feature = "std")]
+    fn law_residual_beyond_noise<S: RecordedSample>(
+        &self,
+        window: &MeasuredWindow<'_, S>,
+        residual: Residual,
+    ) -> Residual {
+        let healthy = &self.residual[Relation::Controller as usize];
+        let Some(noise) = window.noise().filter(|_| healthy.windows > 0) else {
+            return residual;
+        };
+        let rate = window.params().sensors.sample_rate;
+        let kernel = Kernel::new(self.gain_half_width_s, rate, &Compliance::RIGID);
+        let gains = NoiseGains::of_law(window, &kernel);
+        let rise = NoiseRise::new(noise, &gains, libm::exp(healthy.mean_log), residual.independent);
+        Residual {
+            rms: rise.beyond(residual.rms) / rise.calm,
+            ..residual
+        }
     }
 
     /// Readings of all elements of one window, and its torque balance; the gain relative to that of healthy windows, where it is
@@ -69,6 +98,10 @@ impl CommissionedRelations {
             load,
             load_sigma,
             residual_rms,
+            #[cfg(feature = "std")]
+            beyond_noise_rms,
+            #[cfg(feature = "std")]
+            rise,
             rows,
             independent,
             shorted,
@@ -79,6 +112,9 @@ impl CommissionedRelations {
         let holding = libm::fabs(self.balance.of(Term::DryFriction)) * window.params().transmission.gear_ratio;
         let flanks = Flanks::of(window, &load, holding);
         let torque = Residual {
+            #[cfg(feature = "std")]
+            rms: beyond_noise_rms / rise.calm,
+            #[cfg(not(feature = "std"))]
             rms: residual_rms,
             independent,
         };
@@ -98,6 +134,12 @@ impl CommissionedRelations {
                     gain.map_or(Residual::default(), |(_, residual)| residual),
                     play.map_or(Residual::default(), |play| play.residual),
                 ],
+                #[cfg(feature = "std")]
+                torque_residual: TorqueResidual {
+                    rms: residual_rms,
+                    beyond_noise_rms,
+                    calm: rise.calm,
+                },
                 flanks,
                 play_share: play.map_or(0.0, |play| play.reach_share),
                 rows,
@@ -107,6 +149,18 @@ impl CommissionedRelations {
     }
 }
 
+/// Residual of the torque balance of a window, and what its noise makes of it.
+#[cfg(feature = "std")]
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TorqueResidual {
+    /// Root-mean-square, Nm.
+    pub(super) rms: f64,
+    /// The same without what noise explains beyond that of the healthy windows.
+    pub(super) beyond_noise_rms: f64,
+    /// Residual that a healthy window has with the noise of this one, where that is less than at commissioning, as a share of theirs.
+    pub(super) calm: f64,
+}
+
 /// What the relations say besides the elements.
 #[derive(Clone, Copy, Debug)]
 pub(in super::super) struct Balance {
@@ -114,6 +168,9 @@ pub(in super::super) struct Balance {
     pub(in super::super) load_sigma: Option<f64>,
     /// Residual of each relation, in the order of [`Relation::ALL`].
     pub(in super::super) residuals: [Residual; RELATION_COUNT],
+    /// Residual of the torque balance as it is.
+    #[cfg(feature = "std")]
+    pub(super) torque_residual: TorqueResidual,
     /// Flanks of the play that the load leaves to the motion.
     pub(super) flanks: Flanks,
     /// Standard deviation of a play that is the reach of the output as a share of it; else 0.

@@ -32,6 +32,26 @@ fn currents_are_refused_from_one_and_a_half_steps_below_full_scale() {
 }
 
 #[test]
+fn a_quadrature_current_at_the_end_of_its_field_is_clipped_at_any_rotor_angle() {
+    let limits = Limits {
+        quadrature_max_a: Some(9.997),
+        ..limits(2000.0)
+    };
+    for angle in [0.0_f64, 0.4, 2.0, 5.0] {
+        let of = |quadrature: f64| {
+            let phase = |n: f64| -quadrature * (angle - n * core::f64::consts::TAU / 3.0).sin();
+            current_defect([0.0, 1.0, 2.0].map(phase), &limits)
+        };
+        assert_eq!(of(9.99), None, "{angle}");
+        assert_eq!(
+            (of(10.0), of(-10.0)),
+            (Some(Defect::Clipped), Some(Defect::Clipped)),
+            "{angle}"
+        );
+    }
+}
+
+#[test]
 fn the_sum_of_the_currents_may_be_half_an_ampere_either_way() {
     for sign in [1.0, -1.0] {
         assert_eq!(defect_of([sign * 5.0, sign * -4.75, sign * 0.25]), None);

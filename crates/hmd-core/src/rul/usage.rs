@@ -169,7 +169,7 @@ impl Usage {
             .collect();
         let (newest, earlier) = begun.split_last()?;
         let is_recent = |from: &Odometer| newest.hours - from.hours >= recent_h;
-        let latest_from = earlier.len().checked_sub(BURSTS).unwrap_or_default();
+        let latest_from = earlier.len().saturating_sub(BURSTS);
         let from = (0..=latest_from)
             .rev()
             .find(|n| is_recent(&begun[*n]))

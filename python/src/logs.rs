@@ -75,5 +75,5 @@ pub(crate) fn config_identity(config: Option<PathBuf>) -> PyResult<(String, Stri
 /// Serial numbers of the actuators of a log, as its writer's configuration said.
 #[pyfunction]
 pub(crate) fn serial_numbers(log: PathBuf) -> BTreeMap<String, String> {
-    hmd::replay::serial_numbers(&log)
+    hmd_storage::serial_numbers::serial_numbers(&log)
 }

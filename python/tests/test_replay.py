@@ -206,7 +206,7 @@ def test_a_csv_file_is_the_same_frame_by_the_recipe_of_the_docs(
         found: dict[str, pandas.DataFrame] = {}
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            exec(recipe, {}, found)
+            exec(recipe, found)
         pandas.testing.assert_frame_equal(found["frame"], hmd.read_records("out.mcap").to_pandas())
 
 

@@ -17,7 +17,7 @@ use hmd_core::config::{ActuatorConfig, Config};
 use hmd_core::record::HealthLine;
 use hmd_core::sample::{MeasuredConditions, SampleRate};
 use hmd_core::window::TimedSample;
-use hmd_report::export::{Origin, TableKind, health_row};
+use hmd_report::export::{Origin, TableKind, distinct_names, health_row};
 use hmd_storage::calibration_file::load_models;
 use hmd_storage::event_file::load_events;
 use pyo3::buffer::PyBuffer;
@@ -51,8 +51,10 @@ struct CollectedRecords {
     rows: Batches,
     /// Serial numbers of the actuators by name.
     serial_numbers: BTreeMap<String, String>,
-    /// Name of the recording that is written; empty without one.
-    file: String,
+    /// Names of the logs by path.
+    names: BTreeMap<PathBuf, String>,
+    /// The logs so far: stamp of the first frame, ns, and name.
+    begun: Vec<(u64, String)>,
 }
 
 impl CollectedRecords {
@@ -62,16 +64,16 @@ impl CollectedRecords {
             notices: Vec::new(),
             rows: Batches::new(TableKind::Health.heads()),
             serial_numbers: BTreeMap::new(),
-            file: String::new(),
+            names: BTreeMap::new(),
+            begun: Vec::new(),
         }
     }
 
-    /// Names the units of a configuration, and the recording that is written.
-    fn note_origin(&mut self, config: &Config, output: Option<&Path>) {
+    /// Names the units of a configuration, and the logs.
+    fn note_origin(&mut self, config: &Config, logs: &[PathBuf]) {
         let serial_of = |actuator: &ActuatorConfig| Some((actuator.name.clone(), actuator.serial_number.clone()?));
         self.serial_numbers = config.actuators().iter().filter_map(serial_of).collect();
-        let file = output.and_then(Path::file_name).unwrap_or_default();
-        self.file = file.to_string_lossy().into_owned();
+        self.names = logs.iter().cloned().zip(distinct_names(logs)).collect();
     }
 
     fn take(&mut self, assessed: &assess::AssessedWindow) {
@@ -80,9 +82,15 @@ impl CollectedRecords {
         let serial_number = self.serial_numbers.get(&assessed.health.actuator);
         let origin = Origin {
             serial_number: serial_number.map_or("", String::as_str),
-            file: &self.file,
+            file: self.log_at(assessed.health.t_start_ns),
         };
         self.rows.row(health_row(&assessed.health, &assessed.rul, origin));
+    }
+
+    /// The log that a window began in: the newest that had begun by then. Empty for samples in arrays.
+    fn log_at(&self, t_start_ns: u64) -> &str {
+        let begun = self.begun.iter().rev().find(|(first_ns, _)| *first_ns <= t_start_ns);
+        begun.or(self.begun.first()).map_or("", |(_, name)| name)
     }
 
     fn into_assessed(mut self, py: Python<'_>, loss: Option<String>) -> PyResult<AssessedWindow> {
@@ -96,6 +104,11 @@ impl CollectedRecords {
 }
 
 impl Observer for CollectedRecords {
+    fn log_begins(&mut self, log: &Path, stamp_ns: u64) {
+        let name = self.names.get(log).cloned().unwrap_or_default();
+        self.begun.push((stamp_ns, name));
+    }
+
     fn assessed(&mut self, assessed: &assess::AssessedWindow) -> io::Result<()> {
         self.take(assessed);
         Ok(())
@@ -148,7 +161,7 @@ pub(crate) fn replay(
         if let Some(output) = &output {
             check_output(output, &logs, &config)?;
         }
-        records.note_origin(&config, output.as_deref());
+        records.note_origin(&config, &logs);
         let replay = Replay {
             logs: &logs,
             output: output.as_deref(),

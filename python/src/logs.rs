@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use hmd::commands::recordings::{Wanted, recordings};
+use hmd::commands::recordings::{Wanted, is_table, logs_of_folder, recordings};
 use hmd::commands::{Losses, check_files, load_config};
 use hmd_report::export::{TableKind, export, export_raw, raw_heads};
 use hmd_storage::calibration_file::hash_of_models;
@@ -75,5 +75,30 @@ pub(crate) fn config_identity(config: Option<PathBuf>) -> PyResult<(String, Stri
 /// Serial numbers of the actuators of a log, as its writer's configuration said.
 #[pyfunction]
 pub(crate) fn serial_numbers(log: PathBuf) -> BTreeMap<String, String> {
-    hmd::replay::serial_numbers(&log)
+    hmd_storage::serial_numbers::serial_numbers(&log)
+}
+
+/// A log of a folder: its path, and whether it is a table, which needs a section `[map]`.
+type Log = (PathBuf, bool);
+
+/// The logs of a folder, and the other files in it with the reason why each is none.
+#[pyfunction]
+pub(crate) fn logs_in(folder: PathBuf) -> PyResult<(Vec<Log>, Vec<(PathBuf, String)>)> {
+    let content = logs_of_folder(&folder).map_err(raised)?;
+    let logs = content.recordings.into_iter().map(|log| {
+        let is_table = is_table(&log);
+        (log, is_table)
+    });
+    let passed_over = content.passed_over.into_iter();
+    Ok((
+        logs.collect(),
+        passed_over.map(|(file, why)| (file, why.to_string())).collect(),
+    ))
+}
+
+/// Whether a configuration says what the signals of a log are (`[map]`).
+#[pyfunction]
+pub(crate) fn has_map(config: Option<PathBuf>) -> PyResult<bool> {
+    let config = load_config(config.as_deref()).map_err(raised)?;
+    Ok(config.actuator_of_logs().is_some())
 }

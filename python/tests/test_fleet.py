@@ -13,9 +13,11 @@ from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 from conftest import EXACT, REPOSITORY
+from pyarrow import csv
 
 import hmd
 from hmd.fleet import Job, cluster, contract, find_logs, one_log
@@ -130,7 +132,7 @@ def test_results_lie_nowhere_among_the_logs(fleet: Path, tmp_path: Path) -> None
     out.mkdir()
     (out / "no-log.log").write_text("")
     try:
-        assert len(find_logs(fleet, out)) == UNITS * DAYS
+        assert len(find_logs(fleet, Job.prepared(out, None, 1)).logs) == UNITS * DAYS
     finally:
         (out / "no-log.log").unlink()
         out.rmdir()
@@ -263,7 +265,7 @@ def test_bad_logs_are_listed_and_end_nothing(spoilt: Path, tmp_path: Path) -> No
     assert run(spoilt, out, workers=2) == 3
     summary = json.loads((out / "fleet.json").read_text())
     counts = {"logs": 8, "judged": 5, "bad": 2, "with_losses": 1, "same_twice": 1, "windows": 5, "units": 2}
-    assert summary["counts"] == counts
+    assert summary["counts"] == counts | {"passed_over": 0, "windows_twice": 0}
     assert [bad["log"] for bad in summary["bad"]] == ["bad.mcap", "empty.log"]
     assert [bad["message"].split(": ")[0] for bad in summary["bad"]] == ["bad.mcap", "empty.log"]
     assert "; the first: bad.mcap:1: expected a stamp" in summary["bad"][0]["message"]
@@ -290,6 +292,12 @@ def test_the_report_finds_the_unit_that_wears(fleet: Path, tmp_path: Path) -> No
     assert found[0].per_month == pytest.approx(30 * 0.04, rel=0.05)
     assert all(trend.unit.name == "unit-2/ema0" for trend in found)
     assert {(outlier.unit.name, outlier.fault) for outlier in outliers(units)} == {("unit-2/ema0", 0)}
+    summary = json.loads((out / "fleet.json").read_text())
+    assert [unit["unit"] for unit in summary["worst"]] == [unit.name for unit in worst(units)]
+    assert summary["worst"][0]["largest_fault"] == "friction"
+    assert summary["growing"][0]["damage_per_30_days"] == found[0].per_month
+    assert [(unlike["unit"], unlike["fault"]) for unlike in summary["unlike"]] == [("unit-2/ema0", "friction")]
+    assert summary["hardly_assessed"] == []
     rows = pq.read_table(out / "fleet.parquet").to_pylist()
     # With the other columns of the export that a replay's line has.
     last = hmd.replay(fleet / "unit-2/day-09.log", config=config).to_arrow()
@@ -321,6 +329,99 @@ def test_a_unit_that_was_never_assessed_is_listed_as_such(fleet: Path, tmp_path:
     assert [unit.name for unit in rarely_assessed(units)] == ["dumb/ema0"]
     assert [unit.name for unit in worst(units)] == ["good/ema0"]
     assert "Hardly assessed" in (tmp_path / "out/report.html").read_text()
+
+
+def measured(log: Path, table: Path) -> None:
+    """The samples of a log as a table of measured signals."""
+    raw = hmd.read_raw(log)
+    table.parent.mkdir(parents=True, exist_ok=True)
+    columns = ["t_ns", "i_a_a", "i_b_a", "i_c_a", "motor_counts", "output_counts", "setpoint"]
+    raw = raw.filter(pc.is_valid(raw["setpoint"])).select(columns)
+    if table.suffix == ".parquet":
+        pq.write_table(raw, table)
+    else:
+        csv.write_csv(raw.set_column(0, "t_ns", raw["t_ns"].cast("int64")), table)
+
+
+MAP = """[map]
+time = { signal = "t_ns", unit = "ns" }
+currents.a = { signal = "i_a_a", unit = "A" }
+currents.b = { signal = "i_b_a", unit = "A" }
+currents.c = { signal = "i_c_a", unit = "A" }
+position.motor = { signal = "motor_counts", unit = "counts" }
+position.output = { signal = "output_counts", unit = "counts" }
+command.position = { signal = "setpoint", unit = "rad" }
+"""
+
+
+def test_all_formats_are_assessed_and_what_is_none_is_counted(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, out, config = tmp_path / "logs", tmp_path / "out", tmp_path / "hmd.toml"
+    log = fleet / "unit-1/day-00.log"
+    measured(log, folder / "csv/a.CSV")
+    measured(log, folder / "parquet/a.parquet")
+    (folder / "candump").mkdir()
+    (folder / "candump/a.log").write_bytes(log.read_bytes())
+    (folder / "candump/notes.txt").write_text("none")
+    measured(log, folder / "candump/export.csv")
+    for name in ("asc", "blf", "mf4"):
+        (folder / name).mkdir()
+        (folder / name / f"a.{name}").write_bytes((REPOSITORY / f"fixtures/foreign/frames.{name}").read_bytes())
+
+    config.write_text(MAP)
+    assert run(folder, out, config, workers=0) in (0, 3)
+    summary = json.loads((out / "fleet.json").read_text())
+    known = {"csv/a.CSV", "parquet/a.parquet", "candump/a.log", "asc/a.asc", "blf/a.blf", "mf4/a.mf4"}
+    assert summary["counts"]["logs"] == len(known)
+    assert summary["counts"]["passed_over"] == 2
+    assert [(some["files"], some["first"]) for some in summary["passed_over"]] == [
+        (1, "candump/notes.txt"),
+        (1, "candump/export.csv"),
+    ]
+    told = capsys.readouterr().err
+    assert "1 file passed over, the first candump/export.csv: table beside other logs" in told
+    assert "candump/notes.txt" in (out / "report.html").read_text()
+    rows = pq.read_table(out / "fleet.parquet").to_pylist()
+    for table in ("csv/a.CSV", "parquet/a.parquet"):
+        expected = hmd.replay(folder / table, config=config).windows
+        assert expected
+        assert [row["k1"] for row in rows if row["log"] == table] == [window["k"][0] for window in expected]
+
+    # Without a map nothing says what the signals are.
+    assert run(folder, tmp_path / "without", workers=0) in (0, 3)
+    summary = json.loads((tmp_path / "without/fleet.json").read_text())
+    assert summary["counts"]["logs"] == len(known) - 2
+    assert {some["files"]: some["first"] for some in summary["passed_over"]}[2] == "csv/a.CSV"
+    assert "2 files passed over, the first csv/a.CSV: table of measured signals" in capsys.readouterr().err
+
+
+def test_a_window_in_two_recordings_of_a_unit_counts_once(fleet: Path, tmp_path: Path) -> None:
+    folder, out, one = tmp_path / "logs", tmp_path / "out", tmp_path / "one.log"
+    hmd.simulate(one, faults={"friction": 0.3}, rate_hz=400, noise_a=0.03, windows=4, seed=5)
+    lines = one.read_text().splitlines(keepends=True)
+    (folder / "A").mkdir(parents=True)
+    (folder / "A/whole.log").write_bytes(one.read_bytes())
+    # Ends within a window, which is cut short there; its name comes first.
+    (folder / "A/begin.log").write_text("".join(lines[: len(lines) * 6 // 10]))
+    # The same frames of another unit are another unit's.
+    (folder / "B").mkdir()
+    (folder / "B/cut.log").write_text("".join(lines[: len(lines) // 2]))
+    run(folder, out, workers=0)
+    rows = [row for row in pq.read_table(out / "fleet.parquet").to_pylist() if row["unit"] == "A/ema0"]
+    whole = hmd.replay(folder / "A/whole.log").windows
+    assert sorted(row["t_start_ns"].value for row in rows) == [window["t_start_ns"] for window in whole]
+    begin = hmd.replay(folder / "A/begin.log").windows
+    assert len(begin) >= 2
+    statuses = {window["t_start_ns"]: window["status"] for window in whole}
+    assert all(row["status"] == statuses[row["t_start_ns"].value] for row in rows)
+    summary = json.loads((out / "fleet.json").read_text())
+    assert summary["counts"]["windows_twice"] == len(begin)
+    assert sum(same["windows"] for same in summary["overlapping"]) == len(begin)
+    assert {same["log"] for same in summary["overlapping"]} <= {"A/whole.log", "A/begin.log"}
+    assert "Windows in two recordings" in (out / "report.html").read_text()
+    [unit] = [unit for unit in read_units(out / "fleet.parquet") if unit.name == "A/ema0"]
+    assert unit.windows == len(whole)
 
 
 class Balanced(HTMLParser):

@@ -3,6 +3,7 @@
 import json
 import math
 import pickle
+import re
 import subprocess
 import threading
 import time
@@ -76,7 +77,7 @@ def test_frames_of_pandas_and_polars_are_equal(worn: Path) -> None:
     found = hmd.replay(worn)
     of_pandas, of_polars = found.to_pandas(), found.to_polars()
     assert list(of_pandas.columns) == of_polars.columns
-    pandas.testing.assert_frame_equal(of_polars.to_pandas(), of_pandas)
+    pandas.testing.assert_frame_equal(of_polars.to_pandas().astype(of_pandas.dtypes), of_pandas)
     assert of_polars.equals(polars.from_pandas(of_pandas))
     assert of_polars.schema["window"] == polars.Int64
     assert of_polars.schema["t_start_ns"] == polars.Datetime("ns", "UTC")
@@ -155,6 +156,99 @@ def test_what_was_not_assessed_is_observable_nowhere(worn: Path, tmp_path: Path)
         for n in range(8):
             expected = [window["observable"] and window["observable"][n] for window in found]
             assert table[f"k{n + 1}_observable"].to_pylist() == expected
+
+
+def test_a_column_has_one_type_in_pandas_whatever_its_rows_hold(worn: Path, tmp_path: Path) -> None:
+    lines = worn.read_text().splitlines(keepends=True)
+    torn, none = tmp_path / "torn.log", tmp_path / "none.log"
+    torn.write_text("".join(lines[: len(lines) // 3] + lines[len(lines) // 3 + 100 :]))
+    none.write_text("".join(lines[:400]))
+    frames = {}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", hmd.DataLossWarning)
+        for name, log in (("whole", worn), ("torn", torn), ("none", none)):
+            recorded = tmp_path / f"{name}.mcap"
+            frames[name] = hmd.replay(log, output=recorded).to_pandas()
+            frames[f"{name}, stored"] = hmd.read_records(recorded).to_pandas()
+            hmd.export(recorded, tmp_path / f"{name}.parquet")
+            frames[f"{name}, exported"] = pandas.read_parquet(tmp_path / f"{name}.parquet")
+    assert "invalid" in set(frames["torn"].status)
+    assert "invalid" not in set(frames["whole"].status)
+    assert len(frames["none"]) == 0
+    for name, frame in frames.items():
+        assert frame.dtypes.equals(frames["whole"].dtypes), name
+        assert str(frame.dtypes["k1_observable"]) == "boolean", name
+    # Columns of the frames that were left out do no harm.
+    assert (
+        str(hmd.read_records(tmp_path / "torn.mcap").select(["k2_observable"]).to_pandas().dtypes.iloc[0]) == "boolean"
+    )
+    both = pandas.concat([frames["whole"], frames["torn"], frames["none"]], ignore_index=True)
+    assert both.dtypes.equals(frames["whole"].dtypes)
+    assert both[both.k1_observable].status.isin(["ok", "degraded"]).all()
+    assert polars.from_pandas(both).schema["k1_observable"] == polars.Boolean
+
+
+def test_a_csv_file_is_the_same_frame_by_the_recipe_of_the_docs(
+    worn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = (REPOSITORY / "docs/records.md").read_text()
+    [recipe] = re.findall(r"```python\n(import json\n.*?)```", page, re.DOTALL)
+    lines = worn.read_text().splitlines(keepends=True)
+    torn, config = tmp_path / "torn.log", tmp_path / "hmd.toml"
+    torn.write_text("".join(lines[: len(lines) // 3] + lines[len(lines) // 3 + 100 :]))
+    config.write_text('[[actuator]]\nid = 0\nserial_number = "0042"\n')
+    monkeypatch.chdir(tmp_path)
+    for log in (worn, torn):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", hmd.DataLossWarning)
+            hmd.replay(log, config=config, output="out.mcap")
+        hmd.export("out.mcap", "out.csv")
+        found: dict[str, pandas.DataFrame] = {}
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            exec(recipe, found)
+        pandas.testing.assert_frame_equal(found["frame"], hmd.read_records("out.mcap").to_pandas())
+
+
+def test_rows_say_which_log_they_are_of(worn: Path, tmp_path: Path) -> None:
+    days = tmp_path / "days"
+    days.mkdir()
+    for day in range(3):
+        text = re.sub(r"\((\d+)", lambda found, day=day: f"({int(found[1]) + 86_400 * day}", worn.read_text())
+        (days / f"day-{day}.log").write_text(text)
+    recorded = tmp_path / "recorded.mcap"
+    found = hmd.replay(days, output=recorded).to_pandas()
+    assert list(found.file) == [f"day-{day}.log" for day in range(3) for _ in range(2)]
+    first_ns = {f"day-{day}.log": pandas.Timestamp(2023, 11, 14 + day, tz="UTC") for day in range(3)}
+    assert all(0 <= (row.t_start_ns - first_ns[row.file]).days < 1 for row in found.itertuples())
+    # Of the recording they are of the recording; the start of a window joins them.
+    stored = hmd.read_records(recorded).to_pandas()
+    assert set(stored.file) == {"recorded.mcap"}
+    joined = stored.merge(found, on=["actuator", "t_start_ns"], validate="one_to_one")
+    assert len(joined) == len(found)
+    raw = hmd.read_raw(days).to_pandas()
+    assert list(raw.file.unique()) == list(found.file.unique())
+    assert not raw.duplicated(["file", "actuator", "seq"]).any()
+    # Of equal names by their paths.
+    (tmp_path / "other").mkdir()
+    other = tmp_path / "other/day-0.log"
+    other.write_bytes((days / "day-2.log").read_bytes())
+    both = hmd.replay([days / "day-0.log", other]).to_pandas()
+    assert list(both.file.unique()) == [str(days / "day-0.log"), str(other)]
+
+
+def test_a_log_that_goes_on_in_the_next_has_the_window_that_began_in_it(worn: Path, tmp_path: Path) -> None:
+    units = tmp_path / "unit"
+    units.mkdir()
+    lines = worn.read_text().splitlines(keepends=True)
+    (units / "a.log").write_text("".join(lines[: 3 * len(lines) // 4]))
+    (units / "b.log").write_text("".join(lines[3 * len(lines) // 4 :]))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", hmd.DataLossWarning)
+        found = hmd.replay(units).to_pandas()
+        raw = hmd.read_raw(units).to_pandas()
+    for row in found.itertuples():
+        assert row.file == raw[raw.t_ns == row.t_start_ns].file.iloc[0]
 
 
 def test_logs_come_in_an_order(worn: Path, tmp_path: Path) -> None:

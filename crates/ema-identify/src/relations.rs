@@ -42,6 +42,8 @@ mod kernel;
 mod measured;
 #[cfg(feature = "std")]
 mod measurement_noise;
+#[cfg(feature = "std")]
+mod noise_change;
 mod normal_equations;
 mod output_load;
 mod overlap;
@@ -67,7 +69,7 @@ pub use gear_loss::{Directions, GearLossSigma};
 pub use kernel::Kernel;
 pub use measured::{MeasuredWindow, SinceCommissioning, WindingTemp};
 #[cfg(feature = "std")]
-pub use measurement_noise::{MeasurementNoise, NoiseChange};
+pub use noise_change::{MeasurementNoise, NoiseChange};
 pub use residual::{HealthyResidual, RELATION_COUNT, Relation};
 pub use setpoint_delay::{SetpointDelay, setpoint_delay};
 #[cfg(feature = "std")]

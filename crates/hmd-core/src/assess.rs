@@ -14,6 +14,7 @@ mod friction_sigma;
 mod models;
 mod records;
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use ema_ga::{CmaConfig, DeConfig, GaConfig, StopRule};
@@ -56,6 +57,8 @@ pub struct Assessor {
     estimator: Arc<dyn Estimator>,
     histories: HistoryStore,
     counts: WindowCounts,
+    /// Actuators whose calibration was learnt before a recorded replacement, and taken away.
+    outdated: BTreeSet<String>,
 }
 
 /// What is done about a unit that is to be learnt.
@@ -124,6 +127,7 @@ impl Assessor {
             models,
             estimator: Arc::new(Identification),
             counts: WindowCounts::default(),
+            outdated: BTreeSet::new(),
         }
     }
 
@@ -152,6 +156,7 @@ impl Assessor {
 
     /// Assesses the later windows of an actuator by what was learnt of its unit.
     pub fn set_unit(&mut self, actuator: &str, unit: UnitCalibration) {
+        self.outdated.remove(actuator);
         self.models.set_unit(actuator, unit);
     }
 
@@ -193,6 +198,7 @@ impl Assessor {
         if self.is_outdated(&job.actuator, job.window.t_start_ns) {
             let name = &job.actuator.name;
             self.models.remove_unit(name);
+            self.outdated.insert(name.clone());
             self.histories.notice(format!(
                 "{name}: its calibration is older than a replacement that was recorded, and not used: calibrate it again"
             ));
@@ -225,8 +231,12 @@ impl Assessor {
             if !is_calibrated {
                 reasons.push(format!("type {} is not calibrated", of_type.calibration.actuator_type));
             }
-            if let LearningProgress::Learns(reason) = progress {
-                reasons.push(reason.clone());
+            match progress {
+                LearningProgress::Learns(reason) => reasons.push(reason.clone()),
+                LearningProgress::NotToLearn if self.outdated.contains(&job.actuator.name) => {
+                    reasons.push(OUTDATED.to_owned());
+                }
+                LearningProgress::NotToLearn | LearningProgress::Waits(_) => {}
             }
             reasons.extend(assessed.reasons);
             reasons.extend(estimate.competing_optimum.map(|other| ambiguous(&estimate, &other)));
@@ -367,6 +377,9 @@ impl Assessor {
         })
     }
 }
+
+/// Reason of a window of a unit whose calibration was learnt before a replacement.
+const OUTDATED: &str = "its calibration is older than a recorded replacement, and not used";
 
 /// The search that a configuration asks for.
 #[must_use]

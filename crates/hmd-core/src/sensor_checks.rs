@@ -16,6 +16,7 @@
 //! | `setpoint_time` | law of the speed loop: set point before or after its effect |
 //! | `gear_ratio` | line between the two angles: gear ratio to parts in a thousand |
 //! | `motor_time` | both angles, and currents or torque: a motor angle of another instant |
+//! | `other_unit` | reference of the position loop against the set point, torque of the motion against that of the currents: another unit |
 //! | `motions_without_window` | motion that begins no window where nothing is commanded: a creep before it |
 //! | `unseen_motion` | motion that no window has: unit of the set point, mode |
 //! | `moved` | travel and current that are a motion, for both of these |
@@ -39,6 +40,7 @@ mod motor_time;
 mod moved;
 mod offset_by_torque;
 mod offset_of_sum;
+mod other_unit;
 mod readings;
 pub mod rivals;
 mod setpoint_time;
@@ -51,7 +53,7 @@ mod wiring;
 pub use contradictions::{Contradiction, contradictions};
 pub use correction::Correction;
 pub(crate) use currents::OFFSET_SHARE;
-pub use findings::{Finding, examine};
+pub use findings::{Finding, current_unit, examine};
 pub use motions_without_window::MotionsWithoutWindow;
 pub use offset_by_torque::offset_by_torque;
 pub use readings::{Reading, SensorReadings, sensor_readings};

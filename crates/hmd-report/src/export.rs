@@ -205,7 +205,8 @@ pub fn export<P: AsRef<Path>>(
 }
 
 /// The name of each file, or its path as given where another file has the same name.
-fn distinct_names<P: AsRef<Path>>(paths: &[P]) -> Vec<String> {
+#[must_use]
+pub fn distinct_names<P: AsRef<Path>>(paths: &[P]) -> Vec<String> {
     let name = |path: &P| path.as_ref().file_name().unwrap_or_default().to_owned();
     let mut counts = BTreeMap::new();
     for path in paths {

@@ -20,6 +20,7 @@ pub mod retry_delay;
 pub mod same_file;
 pub mod schema_copy;
 pub mod segment_store;
+pub mod serial_numbers;
 
 /// Whether an error of the system is a lack of room, which may come.
 fn is_full(cause: &std::io::Error) -> bool {

@@ -5,7 +5,6 @@ mod held_events;
 mod learnt_units;
 mod live_decisions;
 mod recorded_units;
-mod serial_numbers;
 mod succession;
 mod summary;
 
@@ -32,12 +31,12 @@ use hmd_storage::calibration_file::load_models;
 use hmd_storage::event_file::load_events;
 use hmd_storage::recorder::{RecordObserver, Recorder, metadata};
 use hmd_storage::same_file::is_same_file;
+use hmd_storage::serial_numbers::serial_numbers;
 use learnt_units::LearntUnits;
 use live_decisions::LiveDecisions;
 use succession::{LastSegment, Succession};
 
 pub use error::ReplayError;
-pub use serial_numbers::serial_numbers;
 pub use summary::Summary;
 pub(crate) use summary::{other_frames, watched};
 
@@ -56,6 +55,9 @@ pub struct Replay<'a> {
 
 /// Receives what happens while a replay runs.
 pub trait Observer {
+    /// The first frame that is used of a log, with its stamp, ns. A window that began before it, of a log that the one before goes on in,
+    /// may still come.
+    fn log_begins(&mut self, _log: &Path, _stamp_ns: u64) {}
     /// One window has been assessed.
     fn assessed(&mut self, assessed: &AssessedWindow) -> io::Result<()>;
     /// Something an operator should read.
@@ -231,10 +233,14 @@ impl<O: Observer> Run<'_, O> {
             self.newest_ns.clone()
         };
         let mut overlapping = 0u64;
+        let mut has_begun = false;
         while let Some(item) = source.next() {
             match item {
                 Ok(frame) if seen_ns.get(&frame.bus).is_some_and(|&seen| frame.stamp_ns <= seen) => overlapping += 1,
                 Ok(frame) => {
+                    if !std::mem::replace(&mut has_begun, true) {
+                        self.observer.log_begins(log, frame.stamp_ns);
+                    }
                     let newest = self.newest_ns.entry(frame.bus).or_default();
                     *newest = frame.stamp_ns.max(*newest);
                     if store_raw && let Some(recorder) = &mut self.recorder {

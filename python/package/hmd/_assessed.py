@@ -92,7 +92,7 @@ class Judged:
         return to_pyarrow(self._table)
 
     def to_pandas(self) -> "pandas.DataFrame":
-        """The same for pandas, which must be installed; what is unknown is NaN."""
+        """The same for pandas, which must be installed; what is unknown is NaN, of flags (`boolean`) `pandas.NA`."""
         return self.to_arrow().to_pandas()
 
     def to_polars(self) -> "polars.DataFrame":
@@ -114,7 +114,7 @@ def replay(
     """Assesses logs in the order of time, as `hmd replay LOG… -c CONFIG --seed SEED -o OUTPUT` does.
 
     `logs` are files or folders of them, in the order of time. The result does not depend on `threads` (all cores
-    without it). Other Python threads go on meanwhile.
+    without it). Other Python threads go on meanwhile. In its tables `file` is the log that a window began in.
 
     Raises `ConfigError` for a bad configuration, `Error` for a log that cannot be read at all or holds no actuator.
     Warns with `DataLossWarning` where data were lost; then `loss` says what.

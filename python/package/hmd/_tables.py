@@ -1,5 +1,6 @@
 """Logs and records as Arrow tables."""
 
+import json
 import warnings
 from typing import TYPE_CHECKING, Literal
 
@@ -23,7 +24,25 @@ def to_pyarrow(table: _hmd.ArrowTable) -> "pyarrow.Table":
     """The table for pyarrow, which is imported only here: judging needs none."""
     import pyarrow
 
-    return pyarrow.table(table)
+    found = pyarrow.table(table)
+    return found.replace_schema_metadata(metadata_of(found.schema))
+
+
+def metadata_of(schema: "pyarrow.Schema") -> dict[str, str]:
+    """Metadata of a table, as `hmd export` writes them into Parquet files: units of columns, and types in pandas.
+
+    There flags are `boolean`, whether or not one is absent. Without it they would be `bool` or, beside an absent one,
+    `object`. The form is that of pandas: developer guide, "Storing pandas DataFrame objects in Apache Parquet format".
+    """
+    import pyarrow
+
+    flags = [field.name for field in schema if pyarrow.types.is_boolean(field.type)]
+    column = {"pandas_type": "bool", "numpy_type": "boolean", "metadata": None}
+    columns = [{"name": name, "field_name": name, **column} for name in flags]
+    return {
+        "units": json.dumps({field.name: field.metadata[b"unit"].decode() for field in schema if field.metadata}),
+        "pandas": json.dumps({"index_columns": [], "column_indexes": [], "columns": columns}),
+    }
 
 
 @refusing
@@ -46,7 +65,8 @@ def read_raw(logs: Paths, *, config: Path | None = None) -> "pyarrow.Table":
     """The samples of logs or folders of them, a row for each: currents in A, counts, setpoint with its mode, rate.
 
     They are decoded and their counters continued, but nothing is filled or refused yet. Supply, winding temperature and
-    load are what the status frames last said. `config` is needed for a bus with a layout of its own.
+    load are what the status frames last said. `file` is the log, `serial_number` that of the configuration or else of
+    the log. `config` is needed for a bus with a layout of its own, and for logs of measured signals (`[map]`).
 
     Raises `Error` for what is no log. Warns with `DataLossWarning` where parts of it cannot be read.
     """

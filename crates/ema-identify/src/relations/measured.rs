@@ -7,7 +7,7 @@ use ema_models::{ActuatorParams, MotorParams, Real, SensedSample, Setpoint, temp
 
 use super::gear_loss::GearLossSigma;
 #[cfg(feature = "std")]
-use super::measurement_noise::NoiseChange;
+use super::noise_change::NoiseChange;
 use crate::monitor_fit::RecordedSample;
 
 /// A window of consecutive samples, its counters on one wrap.

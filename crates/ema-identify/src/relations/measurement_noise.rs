@@ -10,24 +10,12 @@
 use std::vec::Vec;
 
 use ema_models::dq_from_abc;
-use serde::{Deserialize, Serialize};
 
 use super::kernel::Kernel;
 use super::measured::MeasuredWindow;
+use super::noise_change::{MeasurementNoise, NoiseChange};
 use super::terms::MOVING;
 use crate::monitor_fit::RecordedSample;
-
-/// Variances of the noise of the measured signals.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct MeasurementNoise {
-    /// Of the quadrature current, A².
-    pub current: f64,
-    /// Of the motor angle, rad².
-    pub angle: f64,
-    /// Samples from which they come.
-    pub samples: f64,
-}
 
 /// Orders of the differences, and the highest one.
 const ORDERS: [usize; 3] = [2, 4, 6];
@@ -80,24 +68,6 @@ impl MeasurementNoise {
             },
             angle: angle?.0.max(window.params().sensors.motor_lsb().powi(2) / 12.0),
             samples: samples as f64,
-        })
-    }
-
-    /// Mean of windows; `None` without one.
-    #[must_use]
-    pub fn mean(windows: impl Iterator<Item = Self>) -> Option<Self> {
-        let (mut sum, mut count) = ([0.0; 3], 0.0);
-        for window in windows {
-            for (sum, value) in sum.iter_mut().zip([window.current, window.angle, window.samples]) {
-                *sum += value;
-            }
-            count += 1.0;
-        }
-        let [current, angle, samples] = sum;
-        (count > 0.0).then(|| Self {
-            current: current / count,
-            angle: angle / count,
-            samples,
         })
     }
 
@@ -179,15 +149,6 @@ impl NoiseGains {
             angle: params.controller.k_p.powi(2) * squares(&kernel.second),
         }
     }
-}
-
-/// Noise of a window, and of the windows of commissioning where the unit's file says it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct NoiseChange {
-    /// In the window.
-    pub now: MeasurementNoise,
-    /// At commissioning.
-    pub commissioned: Option<MeasurementNoise>,
 }
 
 /// What another noise makes of the residual of a relation.

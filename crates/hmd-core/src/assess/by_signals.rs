@@ -5,9 +5,11 @@ use super::{AssessError, Assessor, conditions, sensors_of};
 use crate::outbox::WindowJob;
 use crate::outliers::grants_runs;
 use crate::sensor_checks::rivals::{ALIKE, BETTER, Verdict, accuses_all_phases_alike, compare, is_doubtful};
-use crate::sensor_checks::{Correction, Finding, Suspect, examine, offset_by_torque, sensor_readings, setpoint_time};
+use crate::sensor_checks::{
+    Correction, Finding, Suspect, current_unit, examine, offset_by_torque, sensor_readings, setpoint_time,
+};
 use crate::sensor_health::offset_since;
-use crate::window::{Defect, Degradation, Invalidity, WindowQuality};
+use crate::window::{Defect, Degradation, Invalidity, Signal, WindowQuality};
 use ema_identify::effort::Effort;
 use ema_models::FaultId;
 
@@ -33,8 +35,14 @@ impl Assessor {
         let WindowQuality::Invalid(invalidity) = &job.window.quality else {
             return Ok(None);
         };
-        suspects.extend(Suspect::of_invalidity(invalidity));
-        let findings = if suspects.is_empty() && shows_signals(invalidity) {
+        // Currents of a few steps of their resolution stand still between them.
+        let unit = current_unit(job).filter(|_| *invalidity == Invalidity::Stuck(Signal::Currents));
+        if unit.is_none() {
+            suspects.extend(Suspect::of_invalidity(invalidity));
+        }
+        let findings = if let Some(unit) = unit {
+            vec![unit]
+        } else if suspects.is_empty() && shows_signals(invalidity) {
             examine(job)
         } else {
             Vec::new()

@@ -151,7 +151,10 @@ impl Quantity {
         } else if is_perhaps_motor {
             guess(of(Role::MotorPosition)?, Doubt::Word)
         } else {
-            guess(of(Role::DcLink).filter(|_| has(&["dc", "bus", "link"]))?, Doubt::None)
+            guess(
+                of(Role::DcLink).filter(|_| has(&["dc", "bus", "link", "zwischenkreis"]))?,
+                Doubt::None,
+            )
         }
     }
 }

@@ -3,6 +3,7 @@
 use ema_models::ActuatorParams;
 
 use super::least_squares::fit;
+use super::other_unit::{UNIT_MIN, reference_over_setpoint};
 use super::signals::{Row, Signals, commanded_angle, range};
 
 /// What the output turns for each turn of the motor, times the gear ratio: 1 where all numbers are right.
@@ -186,9 +187,6 @@ pub(super) enum SetpointError {
     SetpointScale(f64),
 }
 
-/// Largest ratio of set point and output that no unit explains.
-const UNIT_MIN: f64 = 8.0;
-
 /// Share of ω_max that a drive exceeds as long as its set point is far away.
 const CHASING: f64 = 0.5;
 
@@ -206,6 +204,9 @@ pub(super) fn setpoint_error(signals: &Signals, params: &ActuatorParams, rest: u
     let scale = followed(signals, params, rest);
     if let Some(SetpointError::Unit(_) | SetpointError::Reversed) = scale {
         return scale;
+    }
+    if let Some(times) = reference_over_setpoint(signals, params) {
+        return Some(SetpointError::Unit(1.0 / times));
     }
     let error = |n: usize| Some(commanded_angle(signals.rows.get(n)?.setpoint)? - signals.rows[n].theta_out);
     let (first, at_rest) = (error(0)?, signals.rows.get(..rest.max(2))?);

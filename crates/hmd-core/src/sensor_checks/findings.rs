@@ -3,7 +3,7 @@
 mod of_angles;
 mod of_currents;
 
-use ema_models::{DriveKind, Tolerances};
+use ema_models::{ActuatorParams, DriveKind, Tolerances};
 
 use super::angles::{
     FrozenOutput, SetpointError, SuddenStop, frozen_output, output_over_motor, setpoint_error, sudden_stop,
@@ -14,6 +14,7 @@ use super::current_limit::gain_beyond_limit;
 use super::currents::{CurrentError, current_errors, gain_of_a_phase, offset_limit};
 use super::gear_ratio::precise_ratio;
 use super::motor_time::motor_time;
+use super::other_unit::motion_over_currents;
 use super::signals::Signals;
 use super::suspect::{Suspect, Suspicion};
 use super::torque::{Balance, balance};
@@ -74,6 +75,9 @@ pub fn examine(job: &WindowJob) -> Vec<Finding> {
     if let Some((found, configured)) = other_wiring(&signals, params, ratio) {
         return vec![of_wiring(params, &found, configured)];
     }
+    if let Some(unit) = of_current_unit(&signals, params) {
+        return vec![unit];
+    }
     let mut findings: Vec<Finding> = Vec::new();
     findings.extend(ratio.and_then(|ratio| of_ratio(params, ratio, &signals)));
     // Where the output lies in its play, and so the flank of a motion that has begun before, is not known.
@@ -125,6 +129,22 @@ pub fn examine(job: &WindowJob) -> Vec<Finding> {
         findings.extend(gain_beyond_limit(&signals, tolerances).map(|gain| of_limit(params, gain)));
     }
     findings
+}
+
+/// The unit of the currents, where they make far less torque than the motion needs.
+#[must_use]
+pub fn current_unit(job: &WindowJob) -> Option<Finding> {
+    let signals = Signals::new(&job.params, &job.window.samples, &job.window.filled);
+    of_current_unit(&signals, &job.params)
+}
+
+fn of_current_unit(signals: &Signals, params: &ActuatorParams) -> Option<Finding> {
+    let times = motion_over_currents(&balance(signals, params)?)?;
+    let evidence = format!(
+        "the motion needs {times:.0} times the torque of the currents: their unit, or inertia and torque constant, are \
+         others than configured"
+    );
+    Some(Finding::new(Suspect::CurrentUnit, &evidence, None))
 }
 
 /// Whether an encoder's zero would show so.

@@ -17,6 +17,8 @@ pub enum Suspect {
     CurrentOffset,
     /// Gain of all phase currents alike.
     CurrentGain,
+    /// Unit of the phase currents.
+    CurrentUnit,
     /// Gain of one phase current.
     PhaseGain,
     /// Two phase currents in each other's place.
@@ -61,12 +63,13 @@ pub enum Suspect {
 
 impl Suspect {
     /// All.
-    pub const ALL: [Self; 25] = [
+    pub const ALL: [Self; 26] = [
         Self::LoadSensor,
         Self::DcLink,
         Self::WindingTemperature,
         Self::CurrentOffset,
         Self::CurrentGain,
+        Self::CurrentUnit,
         Self::PhaseGain,
         Self::PhaseOrder,
         Self::CurrentSign,
@@ -98,6 +101,7 @@ impl Suspect {
             Self::WindingTemperature => "winding temperature",
             Self::CurrentOffset => "current offset",
             Self::CurrentGain => "current gain",
+            Self::CurrentUnit => "current unit",
             Self::PhaseGain => "phase gain",
             Self::PhaseOrder => "phase order",
             Self::CurrentSign => "current sign",
@@ -137,6 +141,7 @@ impl Suspect {
             Self::CurrentOffset | Self::CurrentGain | Self::PhaseGain | Self::CurrentFrozen => {
                 "the phase current sensors of the drive and their wiring"
             }
+            Self::CurrentUnit => "the configured unit of the phase currents",
             Self::PhaseOrder | Self::CurrentSign => "the wires of the phase current sensors: order and direction",
             Self::ResolverZero => "the seat of the resolver on the motor shaft",
             Self::ResolverDirection | Self::ResolverFrozen => "the resolver and its wiring",

@@ -39,7 +39,7 @@ pub struct CsvLog<R> {
     file: Arc<str>,
     splitter: Splitter,
     signals: Vec<SignalInfo>,
-    selected: Vec<usize>,
+    selected: Vec<(usize, Between)>,
     /// The line after the names, where it was read to tell them.
     after_names: Option<Vec<u8>>,
     /// The first line of values, where it is no line of units.
@@ -216,7 +216,7 @@ impl<R: BufRead + Debug> SignalLog for CsvLog<R> {
     }
 
     fn select(&mut self, signals: &[(usize, Between)]) -> Result<(), Unusable> {
-        self.selected = signals.iter().map(|&(n, _)| n).collect();
+        self.selected = signals.to_vec();
         Ok(())
     }
 
@@ -245,12 +245,20 @@ impl<R: BufRead + Debug> SignalLog for CsvLog<R> {
             let found = format!("{found} cells, where there are {count} names");
             return Some(Err(self.damage("a cell for each name", found)));
         }
-        for (n, (value, &column)) in row.iter_mut().zip(&self.selected).enumerate() {
+        for (n, (value, &(column, between))) in row.iter_mut().zip(&self.selected).enumerate() {
             let cell = self.splitter.cell(column);
-            *value = number(cell, separator)
+            let read = number(cell, separator)
                 .or_else(|| text(n, cell))
-                .or_else(|| date_us(cell))
-                .unwrap_or(f64::NAN);
+                .or_else(|| date_us(cell));
+            if read.is_none() && between != Between::Held && is_spoilt(cell) {
+                let found = format!(
+                    "\"{}\" in column {:?}",
+                    quoted(cell.as_bytes()),
+                    self.signals[column].name
+                );
+                return Some(Err(self.damage("a number", found)));
+            }
+            *value = read.unwrap_or(f64::NAN);
         }
         Some(Ok(()))
     }
@@ -341,6 +349,11 @@ fn number(cell: &str, separator: u8) -> Option<f64> {
         Err(_) if cell.eq_ignore_ascii_case("false") => Some(0.0),
         Err(_) => None,
     }
+}
+
+/// Whether a cell that cannot be read was a number: it has a digit. Words (`null`, `n/a`) and signs stand for none; what has a colon is a time.
+fn is_spoilt(cell: &str) -> bool {
+    cell.bytes().any(|byte| byte.is_ascii_digit()) && !cell.contains(':')
 }
 
 /// A date as `20.11.2026 14:00:00.5` or `2026/11/20 14:00:00.5`. With slashes and the year last, nobody knows which is the month.

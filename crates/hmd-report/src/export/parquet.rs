@@ -106,6 +106,7 @@ impl Table for ParquetTable {
         for (key, text) in [
             ("units", serde_json::to_string(&units(&self.heads))?),
             ("sources", serde_json::to_string(sources)?),
+            ("pandas", serde_json::to_string(&pandas_types(&self.heads))?),
         ] {
             self.writer
                 .append_key_value_metadata(KeyValue::new(key.to_owned(), text));
@@ -114,6 +115,20 @@ impl Table for ParquetTable {
         let Self { file, output, .. } = *self;
         output.put_in_place().map_err(|source| ExportError::Io { file, source })
     }
+}
+
+/// What pandas makes of the columns, in the form of its metadata for Parquet: flags are `boolean`, whether or not one is absent. Without it
+/// they would be `bool` or, beside an absent one, `object`.
+///
+/// Source: pandas developer guide, "Storing pandas DataFrame objects in Apache Parquet format".
+fn pandas_types(heads: &[Head]) -> serde_json::Value {
+    let flags = heads.iter().filter(|head| head.kind == Kind::Flag);
+    let flags = flags.map(|Head { name, .. }| {
+        serde_json::json!({
+            "name": name, "field_name": name, "pandas_type": "bool", "numpy_type": "boolean", "metadata": null
+        })
+    });
+    serde_json::json!({ "index_columns": [], "column_indexes": [], "columns": flags.collect::<Vec<_>>() })
 }
 
 fn field(head: &Head) -> Result<Type, ParquetError> {

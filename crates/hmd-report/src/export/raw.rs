@@ -1,11 +1,12 @@
 //! Logs -> the samples in them, as the monitor takes them in: decoded and continued, nothing cut or filled.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
 use super::table::raw_row;
-use super::{ExportError, Sources, Table};
-use hmd_core::config::Config;
+use super::{ExportError, Origin, Sources, Table, distinct_names};
+use hmd_core::config::{ActuatorConfig, Config};
 use hmd_core::demux::Demux;
 use hmd_core::frame::BusNames;
 use hmd_core::outbox::AssembledSample;
@@ -13,6 +14,7 @@ use hmd_core::pipeline::Losses;
 use hmd_core::record::Status;
 use hmd_ingest::Loss;
 use hmd_ingest::file::open_mapped;
+use hmd_storage::serial_numbers::serial_numbers;
 
 /// What came of an export of samples.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -40,7 +42,11 @@ pub fn export_raw<P: AsRef<Path>>(
     let (mut losses, mut damaged_places) = (Losses::default(), 0);
     let mut demux = Demux::new(config.clone()).collecting_samples();
     let mut names = BusNames::new();
-    for log in logs {
+    for (log, file) in logs.iter().zip(distinct_names(logs)) {
+        let of_log = OriginOfLog {
+            serial_numbers: serial_numbers(log.as_ref()),
+            file,
+        };
         let mut source = open_mapped(log.as_ref(), names, &config)?;
         while let Some(item) = source.next() {
             match item {
@@ -51,11 +57,11 @@ pub fn export_raw<P: AsRef<Path>>(
                 }
             }
             demux.take_windows();
-            write(&mut *table, demux.take_samples(), &mut exported)?;
+            write(&mut *table, demux.take_samples(), &of_log, &mut exported)?;
         }
         names = source.into_bus_names();
         demux.finish();
-        write(&mut *table, demux.take_samples(), &mut exported)?;
+        write(&mut *table, demux.take_samples(), &of_log, &mut exported)?;
     }
     let counts = demux.counts();
     let status = Status {
@@ -69,9 +75,30 @@ pub fn export_raw<P: AsRef<Path>>(
     Ok(exported)
 }
 
+/// Where the samples of a log come from.
+struct OriginOfLog {
+    /// Serial numbers of its actuators by name, as its writer's configuration said.
+    serial_numbers: BTreeMap<String, String>,
+    /// Its name among the logs.
+    file: String,
+}
+
+impl OriginOfLog {
+    /// The origin of an actuator's samples; the serial number of the configuration goes before that of the log.
+    fn of<'a>(&'a self, actuator: &'a ActuatorConfig) -> Origin<'a> {
+        let of_log = || self.serial_numbers.get(&actuator.name);
+        let serial_number = actuator.serial_number.as_ref().or_else(of_log);
+        Origin {
+            serial_number: serial_number.map_or("", String::as_str),
+            file: &self.file,
+        }
+    }
+}
+
 fn write(
     table: &mut dyn Table,
     taken: Vec<AssembledSample>,
+    of_log: &OriginOfLog,
     exported: &mut ExportedSamples,
 ) -> Result<(), ExportError> {
     for AssembledSample {
@@ -81,7 +108,13 @@ fn write(
         conditions,
     } in taken
     {
-        table.row(raw_row(&actuator.name, rate, &sample, &conditions))?;
+        table.row(raw_row(
+            &actuator.name,
+            rate,
+            &sample,
+            &conditions,
+            of_log.of(&actuator),
+        ))?;
         exported.rows += 1;
     }
     Ok(())

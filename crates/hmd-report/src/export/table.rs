@@ -73,7 +73,7 @@ pub struct Head {
 pub struct Origin<'a> {
     /// Serial number of the actuator; empty where the recording has none.
     pub serial_number: &'a str,
-    /// Name of the recording.
+    /// Name of the file that was read: the recording, or the log.
     pub file: &'a str,
 }
 
@@ -244,7 +244,7 @@ columns! {
 
 columns! {
     /// One sample of a log.
-    RAW, pub(super) fn raw_row(actuator: &str, rate: SampleRate, sample: &TimedSample, conditions: &MeasuredConditions), 14:
+    RAW, pub(super) fn raw_row(actuator: &str, rate: SampleRate, sample: &TimedSample, conditions: &MeasuredConditions, origin: Origin<'_>), 16:
     "t_ns" "ns, UTC" Time(sample.stamp_ns);
     "actuator" "" Text(actuator.to_owned());
     "seq" "" Count(sample.seq);
@@ -259,6 +259,8 @@ columns! {
     "dc_link_v" "V" Number(conditions.dc_link_v);
     "winding_temp_c" "°C" Number(conditions.winding_temp_deg_c);
     "load_torque_nm" "Nm" Number(conditions.load_torque_nm);
+    "serial_number" "" Text(origin.serial_number.to_owned());
+    "file" "" Text(origin.file.to_owned());
 }
 
 /// The columns of the table of a log's samples.
@@ -281,7 +283,8 @@ pub fn raw_heads() -> Vec<Head> {
         stamp_ns: 0,
         sensed,
     };
-    heads(&RAW, &raw_row("", rate, &sample, &MeasuredConditions::default()))
+    let conditions = MeasuredConditions::default();
+    heads(&RAW, &raw_row("", rate, &sample, &conditions, Origin::default()))
 }
 
 /// Mode and setpoint; there is none when idle.

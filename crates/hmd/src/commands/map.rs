@@ -124,7 +124,11 @@ fn write_quantity(out: &mut String, quantity: Quantity, guesses: &Guesses<'_>) -
         None if OFFERED.contains(&quantity) && !(is_dq && quantity.is_current()) => {
             writeln!(out, "# {} = {{ signal = \"…\", unit = \"…\" }}", quantity.key())?;
         }
-        None => {}
+        None => {
+            if let Some(signal) = guesses.by_unit(quantity) {
+                writeln!(out, "# {}  # the only signal in such a unit", line(quantity, signal))?;
+            }
+        }
     }
     match guesses.others(quantity) {
         others if others.is_empty() => Ok(()),
@@ -328,6 +332,30 @@ mod tests {
         );
         assert!(text.contains("# resample = true  #"), "{text}");
         assert!(text.contains("# [type.own.motor]\n# pole_pairs = …\n"), "{text}");
+    }
+
+    #[test]
+    fn the_only_signal_in_the_unit_of_a_condition_is_offered() {
+        let signals = [
+            signal("Zeit", "s", [0.0, 1.0]),
+            signal("Strom_U", "mA", [-3.0, 3.0]),
+            signal("Zwischenkreis", "V", [378.0, 382.0]),
+            signal("Temp", "K", [290.0, 293.0]),
+            signal("Last", "Nm", [0.0, 3.0]),
+        ];
+        let text = configuration("a.csv", &signals);
+        for line in [
+            "\nstatus.dc_link = \"Zwischenkreis\"\n",
+            "\n# status.winding_temp = \"Temp\"  # the only signal in such a unit\n",
+            "\n# status.load_torque = \"Last\"  # the only signal in such a unit\n",
+        ] {
+            assert!(text.contains(line), "{line}: {text}");
+        }
+        let two = [&signals[..], &[signal("Gehaeuse", "degC", [20.0, 21.0])]].concat();
+        assert!(
+            !configuration("a.csv", &two).contains("winding_temp"),
+            "which of them, nobody knows"
+        );
     }
 
     #[test]

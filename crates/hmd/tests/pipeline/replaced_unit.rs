@@ -41,7 +41,11 @@ fn a_calibration_older_than_a_replacement_is_not_used_and_that_is_said() {
             list: vec![event],
             ..Events::default()
         });
-        assessor.assess(last.clone()).unwrap();
+        for _ in 0..2 {
+            let health = assessor.assess(last.clone()).unwrap().health;
+            let reason = "its calibration is older than a recorded replacement, and not used";
+            assert_eq!(health.reason.contains(reason), !is_used, "{}", health.reason);
+        }
         assert_eq!(assessor.knows_unit(actuator), is_used, "{t_ns} {part:?}");
         let told =
             "ema0: its calibration is older than a replacement that was recorded, and not used: calibrate it again";

@@ -5,6 +5,6 @@ keeps it may run anything, anywhere, again: `python -m hmd.fleet` with Dask, `py
 parallel or a loop of a shell. `docs/fleet.md` of the repository describes it.
 """
 
-from .contract import Job, Outcome, find_logs, one_log
+from .contract import Found, Job, Outcome, PassedOver, find_logs, one_log
 
-__all__ = ["Job", "Outcome", "find_logs", "one_log"]
+__all__ = ["Found", "Job", "Outcome", "PassedOver", "find_logs", "one_log"]

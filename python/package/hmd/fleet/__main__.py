@@ -5,11 +5,12 @@ import json
 import os
 import sys
 import time
+from dataclasses import asdict
 from pathlib import Path
 
 from .._hmd import VERSION, ConfigError
 from .cluster import assess_all
-from .contract import Index, Job, Outcome, find_logs, write_whole
+from .contract import Found, Index, Job, Outcome, find_logs, write_whole
 
 STALE_S = 3600
 """Age at which a temporary file belongs to nobody any more."""
@@ -20,7 +21,7 @@ def main(words: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m hmd.fleet", description="Assess a folder of logs on a Dask cluster."
     )
-    parser.add_argument("folder", type=Path, help="logs, *.mcap and *.log, in folders of any depth")
+    parser.add_argument("folder", type=Path, help="logs, in folders of any depth")
     parser.add_argument("-o", "--output", required=True, type=Path, help="folder of the results")
     parser.add_argument("-c", "--config", type=Path, help="configuration; or a folder of them, UNIT.toml")
     parser.add_argument("--seed", type=seed, default=1, help="seed of the search")
@@ -64,12 +65,16 @@ def run(
     folder, out = folder.absolute(), out.absolute()
     job = Job.prepared(out, config, seed)
     out.mkdir(parents=True, exist_ok=True)
-    logs = find_logs(folder, out)
+    found = find_logs(folder, job)
+    logs = found.logs
+    for some in found.passed_over:
+        count = f"{some.files} file{'s' if some.files > 1 else ''} passed over"
+        print(f"hmd.fleet: {count}, the first {some.first}: {some.reason}", file=sys.stderr)
     if not logs:
-        print(f"hmd.fleet: {folder}: expected logs (*.mcap, *.log), found none", file=sys.stderr)
+        print(f"hmd.fleet: {folder}: expected logs of a format that hmd replay reads, found none", file=sys.stderr)
         return 1
     index = Index(out)
-    outcomes = {str(log): found for log in logs if (found := index.find(log, job))}
+    outcomes = {str(log): known for log in logs if (known := index.find(log, job))}
     todo = [log for log in logs if str(log) not in outcomes]
     computed = 0
 
@@ -88,7 +93,7 @@ def run(
             _sweep(out)
     _warn_of_units(job, logs)
     assessed_s = time.monotonic() - since
-    summary = _write_tables(folder, out, job, [outcomes[str(log)] for log in logs])
+    summary = _write_tables(folder, out, job, found, [outcomes[str(log)] for log in logs])
     counts = summary["counts"]
     # Also those that a worker had done before it died.
     done = sum(bool(outcome.key) for outcome in outcomes.values()) - computed
@@ -100,33 +105,44 @@ def run(
     return 3 if counts["bad"] or counts["with_losses"] else 0
 
 
-def _write_tables(folder: Path, out: Path, job: Job, outcomes: list[Outcome]) -> dict[str, dict[str, int]]:
+def _write_tables(
+    folder: Path, out: Path, job: Job, found: Found, outcomes: list[Outcome]
+) -> dict[str, dict[str, int]]:
     # Here, because each worker that is started imports this file, and needs no tables.
     from .report import page
-    from .statistics import read_units
+    from .statistics import Lists, read_units
     from .table import Results, inputs_of, is_current, write_table
 
     table, summary_file = out / "fleet.parquet", out / "fleet.json"
-    inputs = inputs_of(job, outcomes)
+    inputs = inputs_of(job, outcomes, found.passed_over)
     if is_current(table, inputs) and summary_file.exists() and (out / "report.html").exists():
-        found: dict[str, dict[str, int]] = json.loads(summary_file.read_text(encoding="utf-8"))
-        return found
+        made_before: dict[str, dict[str, int]] = json.loads(summary_file.read_text(encoding="utf-8"))
+        return made_before
     results = Results(folder, job, outcomes)
     windows = write_table(table, inputs, results.rows())
     units = read_units(table)
     counts = {
         "logs": len(outcomes),
-        "judged": results.assessed,
+        "judged": len(results.assessed),
         "bad": len(results.bad),
         "with_losses": len(results.lossy),
         "same_twice": len(results.twice),
+        "passed_over": sum(some.files for some in found.passed_over),
         "windows": windows,
+        "windows_twice": sum(same["windows"] for same in results.overlapping),
         "units": len(units),
     }
     made = {"version": VERSION, "configuration": job.identity, "seed": job.seed, "inputs": inputs}
-    lists = {"bad": results.bad, "lossy": results.lossy, "twice": results.twice}
-    summary = {"counts": counts, "made": made, **lists}
-    write_whole(out / "report.html", page(units, summary))
+    of_logs = {
+        "bad": results.bad,
+        "lossy": results.lossy,
+        "twice": results.twice,
+        "overlapping": results.overlapping,
+        "passed_over": [asdict(some) for some in found.passed_over],
+    }
+    lists = Lists.of(units)
+    summary = {"counts": counts, "made": made, **lists.as_json(), **of_logs}
+    write_whole(out / "report.html", page(lists, summary))
     write_whole(summary_file, json.dumps(summary, indent=1) + "\n")
     return {"counts": counts}
 

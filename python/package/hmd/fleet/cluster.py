@@ -2,6 +2,7 @@
 
 import contextlib
 import itertools
+import logging
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -52,15 +53,22 @@ def assess_all(
     # A worker has one task at a time, so that one which kills its worker is not mixed up with those that wait there.
     # Nor does it look a hundred times a second where it is.
     settings = {"distributed.scheduler.worker-saturation": 1.0, "distributed.worker.profile.enabled": False}
-    with (
-        dask.config.set(settings),
-        LocalCluster(**options, dashboard_address="127.0.0.1:0") as cluster,
-        Client(cluster) as client,
-    ):
-        _run(client, logs, job, each)
-        # While a killed worker is being started again, closing the cluster fails in some versions of Dask.
-        with contextlib.suppress(TimeoutError):
-            client.wait_for_workers(workers, timeout=RESTART_S)
+    nanny = logging.getLogger("distributed.nanny")
+    level = nanny.level
+    try:
+        with (
+            dask.config.set(settings),
+            LocalCluster(**options, dashboard_address="127.0.0.1:0") as cluster,
+            Client(cluster) as client,
+        ):
+            _run(client, logs, job, each)
+            # While a killed worker is being started again, closing the cluster fails in some versions of Dask.
+            with contextlib.suppress(TimeoutError):
+                client.wait_for_workers(workers, timeout=RESTART_S)
+            # All is done; a worker that a busy computer does not let end within seconds is killed, which is no failure.
+            nanny.setLevel(logging.ERROR)
+    finally:
+        nanny.setLevel(level)
 
 
 def batch(logs: list[str], job: Job) -> list[Outcome]:

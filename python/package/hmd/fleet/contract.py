@@ -17,8 +17,8 @@ from .._tables import DataLossWarning
 CONTRACT = 1
 """Version of the result files; a part of their names."""
 
-LOGS = (".mcap", ".log")
-"""How the names of logs end."""
+NO_MAP = "table of measured signals, whose configuration has no section [map]"
+"""Why a table is no log."""
 
 PLACE = "{log}"
 """Stands for the path of the log in the message of a result."""
@@ -112,13 +112,54 @@ class Outcome:
     message: str = ""
 
 
-def find_logs(folder: Path, out: Path) -> list[Path]:
-    """All logs below a folder, by name; none of the results."""
-    found = []
-    for place, folders, files in os.walk(folder):
-        folders[:] = [name for name in folders if Path(place, name).resolve() != out.resolve()]
-        found += [Path(place, name) for name in files if name.endswith(LOGS)]
-    return sorted(found)
+@dataclass(frozen=True)
+class PassedOver:
+    """Files that are no logs, for one reason."""
+
+    reason: str
+    files: int
+    first: str
+    """The first of them, relative to the folder."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """What lies below a folder."""
+
+    logs: list[Path]
+    passed_over: list[PassedOver]
+
+
+def find_logs(folder: Path, job: Job) -> Found:
+    """All logs below a folder, by name; none of the results. Of each folder in it, those that `hmd replay` takes.
+
+    Tables of measured signals are logs where their configuration says what the signals are.
+    """
+    logs: list[Path] = []
+    others: dict[str, list[Path]] = {}
+    out = Path(job.out)
+    for place, folders, _ in os.walk(folder):
+        folders[:] = [name for name in folders if Path(place, name).resolve() != out]
+        of_folder, passed_over = _hmd.logs_in(place)
+        for name, is_table in of_folder:
+            log = Path(name)
+            if is_table and not _has_map(job.of(log).config, job.identity):
+                others.setdefault(NO_MAP, []).append(log)
+            else:
+                logs.append(log)
+        for name, reason in passed_over:
+            others.setdefault(reason, []).append(Path(name))
+    counted = (
+        PassedOver(reason, len(files), min(file.relative_to(folder).as_posix() for file in files))
+        for reason, files in sorted(others.items())
+    )
+    return Found(sorted(logs), list(counted))
+
+
+@lru_cache(maxsize=4096)
+def _has_map(config: str | None, _of_all: str) -> bool:
+    """Whether a configuration has a section `[map]`; read once for each identity of all configurations."""
+    return _hmd.has_map(config)
 
 
 def message_of(log: str, message: str) -> str:

@@ -29,7 +29,7 @@ def main(words: list[str] | None = None) -> int:
         print(f"hmd.fleet: {error}", file=sys.stderr)
         return 78
     failed = 0
-    named = [find_logs(name, args.output) if name.is_dir() else [name] for name in args.logs]
+    named = [find_logs(name, job).logs if name.is_dir() else [name] for name in args.logs]
     logs = [log for some in named for log in some]
     for log in logs[args.task :: args.of]:
         outcome = one_log(log.absolute(), job)

@@ -9,13 +9,10 @@ from .statistics import (
     LEVEL_WINDOWS,
     OUTLIER_Z,
     TREND_WINDOWS,
+    Lists,
     Outlier,
     Trend,
     Unit,
-    outliers,
-    rarely_assessed,
-    trends,
-    worst,
 )
 from .table import FAULTS
 
@@ -35,8 +32,8 @@ td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; white-space:
 """
 
 
-def page(units: list[Unit], summary: dict[str, Any]) -> str:
-    """The page of a fleet's units and of `fleet.json`."""
+def page(lists: Lists, summary: dict[str, Any]) -> str:
+    """The page of the lists of a fleet's units and of `fleet.json`."""
     counts = summary["counts"]
     # The key in `fleet.json` is older.
     facts = [("assessed" if name == "judged" else name.replace("_", " "), str(count)) for name, count in counts.items()]
@@ -46,24 +43,30 @@ def page(units: list[Unit], summary: dict[str, Any]) -> str:
         "<p>By health of the newest assessed window, then by the largest damage"
         f" (median of the last {LEVEL_WINDOWS} windows).</p>",
         _list(
-            worst(units), ["unit", "health", "faults", "largest damage", "windows", "not assessed"], _worst, (3, 4, 5)
+            lists.worst, ["unit", "health", "faults", "largest damage", "windows", "not assessed"], _worst, (3, 4, 5)
         ),
         "<h2>Growing damage</h2>",
         "<p>Theil–Sen slope over calendar time where the Mann–Kendall score exceeds chance;"
         f" units with fewer than {TREND_WINDOWS} assessed windows show none.</p>",
-        _list(trends(units), ["unit", "fault", "growth in 30 days", "level", "score", "history"], _trend, (2, 3, 4)),
+        _list(lists.growing, ["unit", "fault", "growth in 30 days", "level", "score", "history"], _trend, (2, 3, 4)),
         "<h2>Unlike the fleet</h2>",
         f"<p>More than {OUTLIER_Z:.0f} robust standard deviations from the median of all units.</p>",
-        _list(outliers(units), ["unit", "fault", "damage", "fleet's median", "distance"], _outlier, (2, 3, 4)),
+        _list(lists.unlike, ["unit", "fault", "damage", "fleet's median", "distance"], _outlier, (2, 3, 4)),
         "<h2>Hardly assessed</h2>",
         "<p>Half of the windows or more were not fit to be assessed, or nothing that is known explains them.</p>",
-        _list(rarely_assessed(units), ["unit", "windows", "not assessed"], _rarely_assessed, (1, 2)),
+        _list(lists.hardly_assessed, ["unit", "windows", "not assessed"], _rarely_assessed, (1, 2)),
         "<h2>Logs without a result</h2>",
         _list(summary["bad"], ["log", "why"], lambda bad: [bad["log"], bad["message"]]),
         "<h2>Logs with losses</h2>",
         _list(summary["lossy"], ["log", "what"], lambda lossy: [lossy["log"], lossy["message"]]),
         "<h2>The same log under two names</h2>",
         _list(summary["twice"], ["log", "same as"], lambda twice: [twice["log"], twice["same_as"]]),
+        "<h2>Windows in two recordings</h2>",
+        "<p>The windows of a unit that begin at the same time in logs that overlap are one: it counts for the log whose"
+        " result says most, of equal ones for the first by name.</p>",
+        _list(summary["overlapping"], ["log", "windows", "counted for"], _overlapping, (1,)),
+        "<h2>Files that are no logs</h2>",
+        _list(summary["passed_over"], ["why", "files", "the first"], _passed_over, (1,)),
         "<h2>How it was made</h2>",
         _table("made", ["what", "value"], [[name, str(value)] for name, value in summary["made"].items()]),
     ]
@@ -133,6 +136,14 @@ def _outlier(outlier: Outlier) -> list[str]:
         f"{100 * outlier.fleet:.1f} %",
         f"{outlier.z:+.0f}",
     ]
+
+
+def _overlapping(same: dict[str, Any]) -> list[str]:
+    return [same["log"], str(same["windows"]), same["same_in"]]
+
+
+def _passed_over(some: dict[str, Any]) -> list[str]:
+    return [some["reason"], str(some["files"]), some["first"]]
 
 
 def _sparkline(unit: Unit, fault: int) -> str:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -161,3 +162,59 @@ def outliers(units: list[Unit]) -> list[Outlier]:
     far = [(n, p) for n, p in zip(*np.nonzero(np.abs(z) > OUTLIER_Z), strict=True)]
     found = [Outlier(assessed[n], int(p), float(levels[n, p]), float(fleet[p]), float(z[n, p])) for n, p in far]
     return sorted(found, key=lambda outlier: (-abs(outlier.z), outlier.unit.name))
+
+
+@dataclass(frozen=True)
+class Lists:
+    """The units that somebody should look at, each list in its order."""
+
+    worst: list[Unit]
+    growing: list[Trend]
+    unlike: list[Outlier]
+    hardly_assessed: list[Unit]
+
+    @classmethod
+    def of(cls, units: list[Unit]) -> "Lists":
+        """Of all units of a fleet."""
+        return cls(worst(units), trends(units), outliers(units), rarely_assessed(units))
+
+    def as_json(self) -> dict[str, list[dict[str, Any]]]:
+        """As `fleet.json` has them; damages are 0 to 1."""
+        return {
+            "worst": [
+                {
+                    "unit": unit.name,
+                    "health": unit.health,
+                    "faults": [fault for fault in unit.faults.split(",") if fault],
+                    "largest_fault": FAULTS[int(np.argmax(unit.level))] if len(unit.damage) else None,
+                    "largest_damage": unit.largest if len(unit.damage) else None,
+                    "windows": unit.windows,
+                    "not_assessed": unit.refused,
+                }
+                for unit in self.worst
+            ],
+            "growing": [
+                {
+                    "unit": trend.unit.name,
+                    "fault": FAULTS[trend.fault],
+                    "damage": float(trend.unit.level[trend.fault]),
+                    "damage_per_30_days": trend.per_month,
+                    "mann_kendall_score": trend.z,
+                }
+                for trend in self.growing
+            ],
+            "unlike": [
+                {
+                    "unit": outlier.unit.name,
+                    "fault": FAULTS[outlier.fault],
+                    "damage": outlier.level,
+                    "fleet_median": outlier.fleet,
+                    "robust_sigmas": outlier.z,
+                }
+                for outlier in self.unlike
+            ],
+            "hardly_assessed": [
+                {"unit": unit.name, "windows": unit.windows, "not_assessed": unit.refused}
+                for unit in self.hardly_assessed
+            ],
+        }

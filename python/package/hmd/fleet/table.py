@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,8 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from .contract import Job, Outcome, message_of
+from .._tables import metadata_of
+from .contract import Job, Outcome, PassedOver, message_of
 
 ROWS = 50_000
 """Rows that are held in memory."""
@@ -95,9 +97,14 @@ def unit_of(log: str, actuator: str, serial_numbers: dict[str, str]) -> str:
     return f"{owner.as_posix()}/{actuator}"
 
 
-def inputs_of(job: Job, outcomes: Iterable[Outcome]) -> str:
-    """Hash of what a table is made of: its columns, and which log has which result."""
-    digest = hashlib.sha256(f"{job.identity}\0{' '.join(SCHEMA.names)}\n".encode())
+VERSION = 2
+"""Of how the files are made of the same inputs."""
+
+
+def inputs_of(job: Job, outcomes: Iterable[Outcome], passed_over: Iterable[PassedOver]) -> str:
+    """Hash of what a table and its page are made of: columns, which log has which result, what is no log."""
+    digest = hashlib.sha256(f"{VERSION} {job.identity}\0{' '.join(SCHEMA.names)}\n".encode())
+    digest.update("".join(f"{some.files} {some.first} {some.reason}\n" for some in passed_over).encode())
     for outcome in outcomes:
         digest.update(f"{outcome.log}\0{outcome.key}\0{outcome.message}\n".encode())
     return digest.hexdigest()
@@ -117,12 +124,8 @@ def is_current(path: Path, inputs: str) -> bool:
 def write_table(path: Path, inputs: str, rows: Iterator[dict[str, Any]]) -> int:
     """Writes the table, as a whole or not at all; its number of rows."""
     temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
-    metadata = {
-        "inputs": inputs,
-        "units": json.dumps({f.name: f.metadata[b"unit"].decode() for f in SCHEMA if f.metadata}),
-    }
     written = 0
-    schema = SCHEMA.with_metadata(metadata)
+    schema = SCHEMA.with_metadata({"inputs": inputs, **metadata_of(SCHEMA)})
     with pq.ParquetWriter(temporary, schema, compression="zstd") as writer:
         held: list[dict[str, Any]] = []
         for found in rows:
@@ -137,6 +140,13 @@ def write_table(path: Path, inputs: str, rows: Iterator[dict[str, Any]]) -> int:
     return written
 
 
+STATUSES = ("ok", "degraded", "unmodelled", "invalid")
+"""From the one that says most; of a window in two recordings, that of the fuller one counts."""
+
+Window = tuple[str, str, str, int]
+"""What a window is known by: configuration, unit, actuator and start, UTC ns."""
+
+
 class Results:
     """Reads the results of a run, one file at a time, and counts what they say of their logs."""
 
@@ -145,10 +155,13 @@ class Results:
         self.bad: list[dict[str, str]] = []
         self.lossy: list[dict[str, str]] = []
         self.twice: list[dict[str, str]] = []
-        self.assessed = 0
+        self.overlapping: list[dict[str, Any]] = []
+        self.assessed: list[tuple[str, str]] = []
+        """Logs with windows, each with the key of its result."""
+        self._survey()
 
-    def rows(self) -> Iterator[dict[str, Any]]:
-        """Rows of all windows; those of the same bytes under a second name only once."""
+    def _survey(self) -> None:
+        """What the first lines of the results say; logs of the same bytes are assessed under the first name."""
         first: dict[str, str] = {}
         for outcome in self.outcomes:
             log = Path(outcome.log).relative_to(self.folder).as_posix()
@@ -161,12 +174,64 @@ class Results:
             first[outcome.key] = log
             with self.job.result(outcome.key).open(encoding="utf-8") as lines:
                 head = json.loads(next(lines))
-                message = message_of(log, head["message"])
-                if head["exit"] == 1:
-                    self.bad.append({"log": log, "message": message})
-                    continue
-                if head["exit"] == 3:
-                    self.lossy.append({"log": log, "message": message})
-                self.assessed += 1
-                for line in lines:
-                    yield row(log, json.loads(line), head["serial_numbers"])
+            message = message_of(log, head["message"])
+            if head["exit"] == 1:
+                self.bad.append({"log": log, "message": message})
+                continue
+            if head["exit"] == 3:
+                self.lossy.append({"log": log, "message": message})
+            self.assessed.append((log, outcome.key))
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """Rows of all windows; one that stands in two recordings of a unit only once."""
+        owners = self._owners()
+        for log, key in self.assessed:
+            others: Counter[str] = Counter()
+            for known_by, window, serial_numbers in self._windows(log, key):
+                owner = owners.get(known_by, log)
+                if owner == log:
+                    yield row(log, window, serial_numbers)
+                else:
+                    others[owner] += 1
+            same = ({"log": log, "windows": count, "same_in": owner} for owner, count in sorted(others.items()))
+            self.overlapping.extend(same)
+
+    def _windows(self, log: str, key: str) -> Iterator[tuple[Window, dict[str, Any], dict[str, str]]]:
+        with self.job.result(key).open(encoding="utf-8") as lines:
+            head = json.loads(next(lines))
+            serial_numbers = head["serial_numbers"]
+            for line in lines:
+                window = json.loads(line)
+                actuator = window["actuator"]
+                unit = unit_of(log, actuator, serial_numbers)
+                yield (head["config"], unit, actuator, window["t_start_ns"]), window, serial_numbers
+
+    def _owners(self) -> dict[Window, str]:
+        """The log that a window counts for, of those in recordings of a unit that overlap.
+
+        That is the one whose result says most, of equal ones the first by name. Others are held no longer than it takes
+        to see that nothing overlaps them.
+        """
+        spans: dict[tuple[str, ...], list[tuple[int, int, int]]] = defaultdict(list)
+        for n, (log, key) in enumerate(self.assessed):
+            of_log: dict[tuple[str, ...], tuple[int, int]] = {}
+            for (*of, start_ns), _, _ in self._windows(log, key):
+                least, most = of_log.get(tuple(of), (start_ns, start_ns))
+                of_log[tuple(of)] = min(least, start_ns), max(most, start_ns)
+            for known_by, (least, most) in of_log.items():
+                spans[known_by].append((least, most, n))
+        overlapping: set[int] = set()
+        for of_unit in spans.values():
+            newest, last = -1, -1
+            for least, most, n in sorted(of_unit):
+                if least <= newest:
+                    overlapping |= {last, n}
+                if most > newest:
+                    newest, last = most, n
+        best: dict[Window, tuple[int, str]] = {}
+        for n in sorted(overlapping):
+            log, key = self.assessed[n]
+            for known, window, _ in self._windows(log, key):
+                found = STATUSES.index(window["status"]), log
+                best[known] = min(best.get(known, found), found)
+        return {known: log for known, (_, log) in best.items()}

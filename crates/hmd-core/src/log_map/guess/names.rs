@@ -73,7 +73,17 @@ pub(super) const NAMES: [(Quantity, &[&str]); 15] = [
     (Quantity::MODE, &["mode", "state", "controlmode", "drivestate", "modus"]),
     (
         Quantity::Of(Role::DcLink),
-        &["udc", "vdc", "vbus", "ubus", "dclink", "dclinkvoltage", "busvoltage"],
+        &[
+            "udc",
+            "vdc",
+            "vbus",
+            "ubus",
+            "dclink",
+            "dclinkvoltage",
+            "busvoltage",
+            "zwischenkreis",
+            "zwischenkreisspannung",
+        ],
     ),
     (
         Quantity::Of(Role::WindingTemp),
@@ -88,7 +98,7 @@ pub(super) const NAMES: [(Quantity, &[&str]); 15] = [
     ),
     (
         Quantity::Of(Role::LoadTorque),
-        &["mload", "tload", "load", "loadtorque", "torqueload"],
+        &["mload", "tload", "load", "loadtorque", "torqueload", "lastmoment"],
     ),
     (
         Quantity::Of(Role::MotorPosition),
@@ -202,9 +212,9 @@ pub(super) const SECOND: [&str; 14] = [
 /// Parts of the names of angles of the motor and of the output, and whole words of them.
 pub(super) const MOTOR: [&str; 3] = ["motor", "rotor", "resolver"];
 pub(super) const MOTOR_WORDS: [&str; 2] = ["mot", "mtr"];
-pub(super) const OUTPUT: [&str; 12] = [
+pub(super) const OUTPUT: [&str; 13] = [
     "output", "shaft", "joint", "surface", "load", "flap", "aileron", "elevator", "rudder", "spoiler", "slat",
-    "abtrieb",
+    "abtrieb", "klappe",
 ];
 /// The same that may be of either, rather of the output, rather of the motor.
 pub(super) const RATHER_OUTPUT: [&str; 3] = ["encoder", "actuator", "servo"];

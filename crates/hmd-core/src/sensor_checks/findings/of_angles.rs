@@ -96,6 +96,11 @@ const LAG: f64 = 3.0;
 
 pub(super) fn of_setpoint(params: &ActuatorParams, error: SetpointError) -> Finding {
     match error {
+        SetpointError::Unit(times) if times < 1.0 => Finding::new(
+            Suspect::SetpointUnit,
+            &format!("the output follows {:.1} times what it reads", 1.0 / times),
+            None,
+        ),
         SetpointError::Unit(times) => Finding::new(
             Suspect::SetpointUnit,
             &format!("it moves {times:.1} times as far as the output that follows it"),

@@ -4,9 +4,14 @@ use super::*;
 
 /// The rows of some columns, a damage as its sentence.
 fn rows(text: &str, columns: &[&str]) -> Result<Vec<Result<Vec<f64>, String>>, String> {
+    rows_of(text, columns, Between::Held)
+}
+
+/// The same of columns that have this between their values.
+fn rows_of(text: &str, columns: &[&str], between: Between) -> Result<Vec<Result<Vec<f64>, String>>, String> {
     let mut log = CsvLog::new(Cursor::new(text.as_bytes().to_vec()), "a.csv").map_err(|error| error.to_string())?;
     let place = |name: &&str| log.signals().iter().position(|of| of.name == **name);
-    let places: Vec<_> = columns.iter().filter_map(place).map(|n| (n, Between::Held)).collect();
+    let places: Vec<_> = columns.iter().filter_map(place).map(|n| (n, between)).collect();
     log.select(&places).map_err(|error| error.to_string())?;
     let mut found = Vec::new();
     let mut row = vec![0.0; columns.len()];
@@ -83,6 +88,20 @@ fn what_cannot_be_read_is_said_with_its_line() {
     let long = format!("a,b\n1,{}\n2,3\n", "0".repeat(70_000));
     let found = rows(&long, &["a"]);
     assert!(found.is_ok_and(|rows| rows.last() == Some(&Ok(vec![2.0]))));
+}
+
+#[test]
+fn a_spoilt_number_of_a_sample_is_said_with_its_line_and_a_word_for_none_is_not() {
+    let text = "t,a,b\n1,2,3\n2,-23x0,3x0\n3,null,n/a\n4,,-\n5,NaN,4\n";
+    let found = rows_of(text, &["a", "b"], Between::Unknown).unwrap();
+    assert_eq!(
+        found[1],
+        Err("a.csv:3: expected a number, found \"-23x0\" in column \"a\"".to_owned())
+    );
+    let is_read: Vec<bool> = found.iter().map(Result::is_ok).collect();
+    assert_eq!(is_read, [true, false, true, true, true]);
+    // A command may be a text, and a condition has its last value.
+    assert!(rows(text, &["a", "b"]).unwrap().iter().all(Result::is_ok));
 }
 
 #[test]

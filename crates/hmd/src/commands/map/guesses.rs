@@ -1,5 +1,6 @@
 //! Which signal of a log each quantity is guessed to be, and why a guess is no more than a comment.
 
+use ema_models::ActuatorParams;
 use hmd_core::dbc::Role;
 use hmd_core::log_map::{Doubt, Quantity};
 use hmd_ingest::file::SurveyedSignal;
@@ -10,7 +11,16 @@ use super::line::{has_known_modes, quoted};
 pub(super) struct Guesses<'a> {
     signals: &'a [SurveyedSignal],
     meant: Vec<(Quantity, &'a SurveyedSignal)>,
+    /// Conditions that no name says, and the only signal in a unit of each.
+    by_unit: Vec<(Quantity, &'a SurveyedSignal)>,
 }
+
+/// Conditions whose unit few other signals have.
+const CONDITIONS: [Quantity; 3] = [
+    Quantity::Of(Role::DcLink),
+    Quantity::Of(Role::WindingTemp),
+    Quantity::Of(Role::LoadTorque),
+];
 
 impl<'a> Guesses<'a> {
     pub(super) fn of(signals: &'a [SurveyedSignal]) -> Self {
@@ -18,8 +28,17 @@ impl<'a> Guesses<'a> {
             let of = signals.iter().filter(|signal| signal.guess == Some(quantity));
             Some((quantity, of.min_by_key(|signal| signal.doubt)?))
         };
-        let meant = Quantity::all().filter_map(least_doubt).collect();
-        Self { signals, meant }
+        let meant: Vec<_> = Quantity::all().filter_map(least_doubt).collect();
+        let unnamed = CONDITIONS
+            .into_iter()
+            .filter(|quantity| meant.iter().all(|(of, _)| of != quantity));
+        let by_unit = unnamed.filter_map(|quantity| Some((quantity, only_in_its_unit(signals, quantity)?)));
+        let by_unit = by_unit.collect();
+        Self {
+            signals,
+            meant,
+            by_unit,
+        }
     }
 
     pub(super) fn meant(&self, of: Quantity) -> Option<&'a SurveyedSignal> {
@@ -27,7 +46,13 @@ impl<'a> Guesses<'a> {
         found.map(|(_, signal)| *signal)
     }
 
-    /// The same, where it is no comment alone.
+    /// The only signal in a unit of a condition that no name says: its name may mean another of that unit.
+    pub(super) fn by_unit(&self, of: Quantity) -> Option<&'a SurveyedSignal> {
+        let found = self.by_unit.iter().find(|(quantity, _)| *quantity == of);
+        found.map(|(_, signal)| *signal)
+    }
+
+    /// What is meant, where it is no comment alone.
     pub(super) fn written(&self, of: Quantity) -> Option<&'a SurveyedSignal> {
         self.meant(of).filter(|signal| self.why_not(of, signal).is_none())
     }
@@ -72,6 +97,19 @@ impl<'a> Guesses<'a> {
             _ => None,
         }
     }
+}
+
+/// The signal in a unit of a quantity, where there is one alone, and it looks like no other quantity.
+fn only_in_its_unit(signals: &[SurveyedSignal], quantity: Quantity) -> Option<&SurveyedSignal> {
+    let dimension = quantity.dimension(&ActuatorParams::bench());
+    let is_of = |signal: &&SurveyedSignal| {
+        signal
+            .unit_or_guess()
+            .is_some_and(|unit| dimension.unit(unit).is_some())
+    };
+    let mut found = signals.iter().filter(is_of);
+    let only = found.next().filter(|signal| signal.guess.is_none())?;
+    found.next().is_none().then_some(only)
 }
 
 /// Whether a counter had fewer values than rows, and is none of 16 bits.

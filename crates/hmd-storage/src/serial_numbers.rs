@@ -5,9 +5,9 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
+use crate::mcap::McapMessages;
+use crate::mcap_writer::METADATA_NAME;
 use hmd_core::metadata_checksum::is_sealed;
-use hmd_storage::mcap::McapMessages;
-use hmd_storage::mcap_writer::METADATA_NAME;
 
 /// Serial numbers of the actuators in a log, from its writer's configuration; none in a text log.
 #[must_use]
@@ -37,9 +37,9 @@ pub fn serial_numbers(log: &Path) -> BTreeMap<String, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::recorder::{Recorder, metadata};
     use hmd_core::config::Config;
     use hmd_core::record::Status;
-    use hmd_storage::recorder::{Recorder, metadata};
 
     #[test]
     fn a_log_contains_the_serial_numbers_of_its_units() {

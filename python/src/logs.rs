@@ -81,9 +81,12 @@ pub(crate) fn serial_numbers(log: PathBuf) -> BTreeMap<String, String> {
 /// A log of a folder: its path, and whether it is a table, which needs a section `[map]`.
 type Log = (PathBuf, bool);
 
+/// Another file of a folder, and why it is no log.
+type PassedOver = (PathBuf, String);
+
 /// The logs of a folder, and the other files in it with the reason why each is none.
 #[pyfunction]
-pub(crate) fn logs_in(folder: PathBuf) -> PyResult<(Vec<Log>, Vec<(PathBuf, String)>)> {
+pub(crate) fn logs_in(folder: PathBuf) -> PyResult<(Vec<Log>, Vec<PassedOver>)> {
     let content = logs_of_folder(&folder).map_err(raised)?;
     let logs = content.recordings.into_iter().map(|log| {
         let is_table = is_table(&log);

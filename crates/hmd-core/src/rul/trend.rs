@@ -20,10 +20,6 @@ const LAW_DROPPED: f64 = 16.0;
 /// Largest rate × life of an exponential growth; beyond it is a shock, not a trend.
 const RATE_LIFE_MAX: f64 = 8.0;
 
-/// How much likelier growth that accelerates is beforehand than a straight line, over hours or over work: before its curvature has shown,
-/// nothing but this keeps a forecast from being far too long.
-const ACCELERATING: f64 = 3.0;
-
 /// Evidence is kept to this below the best law's, so that one which has lost can win again when growth changes.
 const LOG_EVIDENCE_FLOOR: f64 = 30.0;
 
@@ -335,7 +331,7 @@ impl Trend {
 
     /// What the weights are to each other: evidence times what is known beforehand.
     ///
-    /// Beforehand straight growth over hours and over work are equally likely, exponential growth [`ACCELERATING`] times as likely as each, the
+    /// Beforehand straight growth over hours, straight growth over work and exponential growth are equally likely, the
     /// life is of any order of magnitude, and rate × life of an exponential is anything up to `RATE_LIFE_MAX`. The filters
     /// begin with a wide normal slope v₀ instead; the difference is a factor 1/v₀, and for exponentials
     /// `(1 − e^−κ) d(ln rate) / κ_max` with κ = rate × life.
@@ -355,7 +351,7 @@ impl Trend {
                 let left = law.time_to((self.end_of_life - law.damage).max(0.0) / slope);
                 let kappa = law.rate * (elapsed + left);
                 let possible = (RATE_LIFE_MAX - kappa).min(0.0).exp();
-                ACCELERATING * evidence * possible * -(-kappa).exp_m1() * RATE_STEP.ln() / RATE_LIFE_MAX
+                evidence * possible * -(-kappa).exp_m1() * RATE_STEP.ln() / RATE_LIFE_MAX
             } else {
                 evidence
             }

@@ -104,6 +104,7 @@ pub(crate) fn check_long(wanted: Option<&str>) -> anyhow::Result<()> {
         "expected one of {:?}",
         TARGETS.map(|target| target.name)
     );
+    fs::create_dir_all(root().join(PAGES)).context(PAGES)?;
     let fuzz = Fuzz::install(&["--sanitizer", "none"])?;
     let limits = [format!("-runs={LONG_RUNS}"), format!("-max_total_time={LONG_S}")];
     let ended = fuzz.run_all(&targets, thread::available_parallelism()?.get(), &limits)?;

@@ -91,6 +91,17 @@ mod tests {
     }
 
     #[test]
+    fn another_name_for_a_built_in_type_is_calibrated_and_names_what_it_inherits() {
+        let text = "[type.own]\nbased_on = \"servo28\"\nsensors = { sample_rate_hz = 400 }\n[[actuator]]\nid = 1\ntype = \"own\"";
+        let found = of(text);
+        assert_eq!(found.len(), 1, "{found:?}");
+        assert!(
+            found[0].starts_with("type own takes 25 values from the built-in type servo28"),
+            "{found:?}"
+        );
+    }
+
+    #[test]
     fn a_type_with_a_value_of_its_own_is_not_calibrated_and_names_what_it_inherits() {
         let found = of(
             "[type.own]\nbased_on = \"bench\"\nmotor = { inertia_kg_m2 = 1.1e-3 }\n[[actuator]]\nid = 0\ntype = \"own\"",

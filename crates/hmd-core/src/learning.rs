@@ -78,12 +78,6 @@ impl Learner {
         self.known.insert(actuator.to_owned(), sha256);
     }
 
-    /// The SHA-256 of the file of an actuator's unit, if it is known.
-    #[must_use]
-    pub fn known_unit(&self, actuator: &str) -> Option<&str> {
-        self.known.get(actuator).map(String::as_str)
-    }
-
     /// Forgets what was learnt of a unit that a maintenance event has replaced, or a part of it, by the time of a window, UTC ns. Returns
     /// whether one has.
     ///

@@ -95,7 +95,7 @@ pub struct TypeModel {
 impl TypeModel {
     /// From a file if the configuration names one, else as shipped.
     ///
-    /// A shipped calibration belongs to the shipped parameters; a type that changes them has none.
+    /// A shipped calibration belongs to the parameters of a built-in type; a type that changes them has none.
     ///
     /// # Errors
     /// The file cannot be read, is no calibration, or belongs to another monitor form.
@@ -122,15 +122,22 @@ impl TypeModel {
                 calibrated: true,
             });
         }
-        // The sample rate does not count: it is read from the device's own time, and the calibration serves any.
-        let unchanged = ActuatorParams::built_in(type_name).is_some_and(|mut shipped| {
-            shipped.sensors.sample_rate = params.sensors.sample_rate;
-            shipped == *params
-        });
-        let shipped = TypeCalibration::built_in(type_name, form).filter(|_| unchanged);
+        // The name does not count. Nor does the sample rate: it is read from the device's own time, and the
+        // calibration serves any.
+        let same = |name: &&str| {
+            ActuatorParams::built_in(name).is_some_and(|mut built_in| {
+                built_in.sensors.sample_rate = params.sensors.sample_rate;
+                built_in == *params
+            })
+        };
+        let built_in = ActuatorParams::BUILT_IN.into_iter().find(same);
+        let shipped = built_in.and_then(|name| TypeCalibration::built_in(name, form));
         Ok(match shipped {
             Some(calibration) => Self {
-                calibration,
+                calibration: TypeCalibration {
+                    actuator_type: type_name.to_owned(),
+                    ..calibration
+                },
                 calibrated: true,
             },
             None => Self {

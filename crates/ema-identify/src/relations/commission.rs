@@ -73,30 +73,26 @@ pub fn commission_as<S: RecordedSample>(
     windows: &[MeasuredWindow<'_, S>],
     shape: &BalanceShape,
 ) -> Result<CommissionedRelations, CommissionError> {
-    let mut best: Option<(f64, SharedBalance)> = None;
-    let mut refused = CommissionError::NoSolution;
     let scale = Scale::of(shape);
-    let residual = |half_width_s| {
-        shared_balance(windows, shape, half_width_s, (scale, false), ROUNDS)
-            .ok()
-            .map(|shared| shared.balance.residual_rms)
-    };
-    let [narrow, .., wide] = HALF_WIDTHS_S;
+    let mut balances = HALF_WIDTHS_S.map(|half_width_s| shared_balance(windows, shape, half_width_s, scale, ROUNDS));
+    let residual = |of: &Result<SharedBalance, CommissionError>| of.as_ref().ok().map(|of| of.balance.residual_rms);
+    let [narrow, .., wide] = &balances;
     // Motions that are short for the wide one do not tell.
     let angle_errors = residual(narrow)
         .zip(residual(wide))
         .is_some_and(|(narrow, wide)| narrow > ANGLE_ERRORS * wide);
-    for half_width_s in HALF_WIDTHS_S {
-        let shared = match shared_balance(windows, shape, half_width_s, (scale, angle_errors), ROUNDS) {
-            Ok(shared) => shared,
-            Err(error) => {
-                refused = error;
-                continue;
+    let mut best: Option<(f64, &SharedBalance)> = None;
+    let mut refused = CommissionError::NoSolution;
+    for balance in &mut balances {
+        match balance {
+            Ok(shared) => {
+                shared.balance.angle_errors = angle_errors;
+                let variance = shared.expected_variance(windows);
+                if best.as_ref().is_none_or(|best| variance < CLEARLY_LESS * best.0) {
+                    best = Some((variance, shared));
+                }
             }
-        };
-        let variance = shared.expected_variance(windows);
-        if best.as_ref().is_none_or(|best| variance < CLEARLY_LESS * best.0) {
-            best = Some((variance, shared));
+            Err(error) => refused = *error,
         }
     }
     let Some((_, shared)) = best else {
@@ -194,7 +190,7 @@ fn shown_compliance<S: RecordedSample>(windows: &[MeasuredWindow<'_, S>], shape:
         params.filter(|params| shape.compliance.is_rigid() && narrow * params.sensors.sample_rate >= SEARCH_SAMPLES);
     let residual = |half_width_s, &compliance: &Compliance| {
         let shape = BalanceShape { compliance, ..*shape };
-        let shared = shared_balance(windows, &shape, half_width_s, (Scale::Turns, false), SEARCH_ROUNDS);
+        let shared = shared_balance(windows, &shape, half_width_s, Scale::Turns, SEARCH_ROUNDS);
         shared.map_or(f64::NAN, |shared| shared.balance.residual_rms)
     };
     let least = params.and_then(|_| find_compliance(|compliance| residual(narrow, compliance)));
@@ -313,7 +309,7 @@ fn shared_balance<S: RecordedSample>(
     windows: &[MeasuredWindow<'_, S>],
     shape: &BalanceShape,
     half_width_s: f64,
-    (scale, angle_errors): (Scale, bool),
+    scale: Scale,
     rounds: usize,
 ) -> Result<SharedBalance, CommissionError> {
     let params = windows
@@ -326,20 +322,25 @@ fn shared_balance<S: RecordedSample>(
     let correlated = (1.0 / squares / kernel.stride as f64).max(1.0);
     let priors = priors(params);
     let mut loads = std::vec![OutputLoad::default(); windows.len()];
+    // The sums of each window, and the load that they are of.
+    let mut sums: Vec<(OutputLoad, NormalEquations<WINDOW_COUNT>)> = Vec::with_capacity(windows.len());
     let mut learnt = Err(CommissionError::NoSolution);
     let (mut error_variance, mut factor) = (0.0, 1.0);
     for _ in 0..rounds {
-        let sums: Vec<_> = windows
-            .iter()
-            .zip(&loads)
-            .map(|(window, &load)| window_sums(window, shape, load, &kernel, scale))
-            .collect();
-        let found = sums.iter().filter(|sums| sums.rows > 0).count();
+        for (n, (window, &load)) in windows.iter().zip(&loads).enumerate() {
+            let of_load = || (load, window_sums(window, shape, load, &kernel, scale));
+            match sums.get_mut(n) {
+                None => sums.push(of_load()),
+                Some((before, _)) if *before == load => {}
+                Some(before) => *before = of_load(),
+            }
+        }
+        let found = sums.iter().filter(|(_, sums)| sums.rows > 0).count();
         if found < MIN_WINDOWS {
             return Err(CommissionError::TooFewWindows { found });
         }
         let mut shared = NormalEquations::<SHARED_COUNT>::new();
-        for sums in &sums {
+        for (_, sums) in &sums {
             add_without_own(&mut shared, sums);
         }
         for (unknown, (value, sigma)) in priors.into_iter().enumerate() {
@@ -359,7 +360,7 @@ fn shared_balance<S: RecordedSample>(
         if factor <= 0.0 {
             return Err(CommissionError::NoSolution);
         }
-        for ((window, sums), load) in windows.iter().zip(&sums).zip(&mut loads) {
+        for ((window, (_, sums)), load) in windows.iter().zip(&sums).zip(&mut loads) {
             *load = own_load(sums, &solution.x, factor, window.params());
         }
         error_variance = solution.residual_rms * solution.residual_rms * correlated;
@@ -369,7 +370,7 @@ fn shared_balance<S: RecordedSample>(
             shape: *shape,
             residual_rms: solution.residual_rms / factor,
             half_width_s,
-            angle_errors,
+            angle_errors: false,
         };
         learnt = Ok(SharedBalance {
             balance,

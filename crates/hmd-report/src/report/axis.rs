@@ -2,14 +2,14 @@
 
 use hmd_core::history::ReplacedPart;
 
-use super::history::{History, is_elapsed};
+use super::history::{History, Point, is_elapsed};
 
 /// What changed the history before a window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Mark {
     /// The unit was replaced or overhauled, by a maintenance event or by its serial number.
     Unit,
-    /// The history begins anew: a run that knew nothing of the one before.
+    /// A recording that knew nothing of the one before.
     Reset,
     /// A part was replaced, by a maintenance event; the rest of the unit goes on.
     Replaced(ReplacedPart),
@@ -22,7 +22,7 @@ impl Mark {
     pub(super) const fn name(self) -> &'static str {
         match self {
             Self::Unit => "actuator replaced",
-            Self::Reset => "history begins anew",
+            Self::Reset => "recording without the history before it",
             Self::Replaced(ReplacedPart::Motor) => "motor replaced",
             Self::Replaced(ReplacedPart::Gearbox) => "gearbox replaced",
             Self::Replaced(ReplacedPart::Controller) => "controller replaced",
@@ -51,7 +51,7 @@ pub(super) struct UseAxis {
 }
 
 impl UseAxis {
-    /// Operating hours, added up over resets; or the count of windows where the hours are not known, below one, or of two kinds.
+    /// Hours, added up over resets; or the count of windows where the hours are not known, below one, or of two kinds.
     pub(super) fn new(history: &History) -> Self {
         let hours = continuous_hours(history);
         let kinds = history.points.windows(2);
@@ -73,21 +73,33 @@ impl UseAxis {
     }
 }
 
-/// Hours of use since the first window. After a reset the count of the records begins again; the axis goes on.
+/// Hours of use since the first window. After a reset the count of the records begins again; the axis goes on, where the hours are those of
+/// the clock by the time between the two windows.
 pub(super) fn continuous_hours(history: &History) -> Vec<f64> {
     let (mut base, mut last) = (0.0, 0.0);
+    let mut before: Option<&Point> = None;
     history
         .points
         .iter()
         .map(|point| {
             let used = point.used_h.unwrap_or(last);
             if used < last {
-                base += last;
+                let pause = before.map_or(0.0, |before| pause_h(before, point) - used);
+                base += last + pause.max(0.0);
             }
-            last = used;
+            (last, before) = (used, Some(point));
             base + used
         })
         .collect()
+}
+
+/// Hours that count between two windows of recordings that know nothing of each other.
+fn pause_h(before: &Point, after: &Point) -> f64 {
+    if before.is_elapsed && after.is_elapsed {
+        after.t_start_ns.saturating_sub(before.t_start_ns) as f64 / 3.6e12
+    } else {
+        0.0
+    }
 }
 
 /// What lies between window `n` and the one before.
@@ -107,7 +119,6 @@ pub(super) fn marks_before(history: &History, n: usize) -> Vec<Mark> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::history::Point;
     use super::*;
 
     fn history(windows: &[(u64, f64)]) -> History {
@@ -135,6 +146,15 @@ mod tests {
         assert_eq!(axis.places, [0.0, 10.0, 11.0, 12.0, 12.5, 14.0]);
         assert_eq!(axis.marks, [(2, Mark::Restart), (4, Mark::Reset)]);
         assert_eq!(axis.label, "operating time, h");
+    }
+
+    #[test]
+    fn hours_of_the_clock_go_on_between_recordings() {
+        let mut history = history(&[(0, 0.0), (1, 10.0), (0, 0.0), (1, 2.0)]);
+        for (point, hours) in history.points.iter_mut().zip([0, 10, 34, 36]) {
+            (point.is_elapsed, point.t_start_ns) = (true, hours * 3_600_000_000_000);
+        }
+        assert_eq!(UseAxis::new(&history).places, [0.0, 10.0, 34.0, 36.0]);
     }
 
     #[test]

@@ -10,7 +10,8 @@ use hmd_core::commissioning::{Findings, HealthyWindow, UnitCalibration, UnitEsti
 
 use super::markup::{document, table};
 use super::plot::{Axis, Plot, escaped, number, significant};
-use super::sections::{HEIGHT, NORMAL_95, figure};
+use super::sections::{HEIGHT, figure};
+use super::words::NORMAL_95;
 use parameters::parameters;
 use relations::relations;
 

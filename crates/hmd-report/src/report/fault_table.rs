@@ -7,12 +7,11 @@ use hmd_core::record::{Rul, Shown};
 
 use super::doubt::{in_doubt, is_shown_before};
 use super::history::{History, hours_of};
-use super::markup::wide_table;
+use super::markup::{time, wide_table};
 use super::plot::escaped;
 use super::recommendation::friction_replaced;
 use super::rules::{Rules, level_of};
-use super::sections::NORMAL_95;
-use super::words::hours;
+use super::words::{NORMAL_95, hours, percent_of, range_of};
 use super::zone::Zone;
 
 /// Each fault: part, symptom, damage, level, and the hours left by it alone or why there is no number.
@@ -46,11 +45,11 @@ pub(super) fn faults(history: &History, rules: &Rules, zone: &Zone) -> String {
         vec![
             escaped(fault.plain_name()),
             escaped(mode.item),
-            shown.map_or_else(|| "not known".to_owned(), |shown| percent_of(shown.damage)),
+            shown.map_or_else(|| "not known".to_owned(), damage),
             escaped(&level(shown, rules.of_windows(fault), state, newest_ns)),
             match (shown, in_doubt(history, fault)) {
-                (Some(shown), _) => zone.minute(shown.t_start_ns),
-                (None, Some(point)) => format!("in doubt since {}", zone.minute(point.t_start_ns)),
+                (Some(shown), _) => time(&zone.minute(shown.t_start_ns)),
+                (None, Some(point)) => format!("in doubt since {}", time(&zone.minute(point.t_start_ns))),
                 (None, None) if is_shown_before(history, fault) => "not since the replacement".to_owned(),
                 (None, None) => "no window shows it".to_owned(),
             },
@@ -62,8 +61,8 @@ pub(super) fn faults(history: &History, rules: &Rules, zone: &Zone) -> String {
     let of = hours_of(rul);
     wide_table(
         &format!(
-            "Damage by the newest window that shows it. Life left: hours{of} to the end of life by this fault alone, median and \
-             80 % interval"
+            "Damage by the newest window that shows it, and between which values it is with 95 % probability. Life left: hours{of} to the \
+             end of life by this fault alone, median and 80 % interval"
         ),
         &[
             ("Fault", ""),
@@ -78,9 +77,10 @@ pub(super) fn faults(history: &History, rules: &Rules, zone: &Zone) -> String {
     )
 }
 
-/// A damage in percent.
-pub(super) fn percent_of(damage: f64) -> String {
-    format!("{:.1} %", 100.0 * damage)
+/// A damage with its range beneath.
+fn damage(shown: Shown) -> String {
+    let range = range_of(shown).map_or_else(String::new, |range| format!("<br><span class=\"faint\">{range}</span>"));
+    percent_of(shown.damage) + &range
 }
 
 /// The level of a fault after the newest window, UTC ns; where it is another than that of the damage, why. Without a mode the levels are not known.

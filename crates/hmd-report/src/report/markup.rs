@@ -8,12 +8,22 @@ const STYLE: &str = include_str!("style.css");
 
 /// A page that needs nothing else; title and body are HTML.
 pub(super) fn document(title: &str, body: &str) -> String {
+    // No line ends between a number and its sign.
+    let body = body.replace(" %", "\u{a0}%");
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\">\n\
          <title>{title}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n{body}</main>\n</body>\n</html>\n"
     )
+}
+
+/// A time of [`super::zone::Zone::minute`], of which no line ends within the date.
+pub(super) fn time(text: &str) -> String {
+    match text.split_once(' ') {
+        Some((date, rest)) => format!("<span class=\"date\">{}</span> {}", escaped(date), escaped(rest)),
+        None => escaped(text),
+    }
 }
 
 /// A table with heads, each with the class of its column; the rows are HTML.

@@ -6,7 +6,7 @@ use ema_models::FaultId;
 use hmd_core::health::HealthState;
 
 use super::history::History;
-use super::markup::wide_table;
+use super::markup::{time, wide_table};
 use super::plot::escaped;
 use super::recommendation::{Recommendation, recommendation};
 use super::rules::Rules;
@@ -27,7 +27,7 @@ pub(super) fn overview(histories: &[&History], rules: &Rules, zone: &Zone) -> St
         .unwrap_or(0);
     let row = |(n, history, advice): &(usize, &History, Recommendation)| {
         let state = advice.state.name();
-        let time = |t_ns: Option<u64>| t_ns.map_or_else(|| "–".to_owned(), |t_ns| zone.minute(t_ns));
+        let time = |t_ns: Option<u64>| t_ns.map_or_else(|| "–".to_owned(), |t_ns| time(&zone.minute(t_ns)));
         vec![
             format!("<a href=\"#actuator-{n}\">{}</a>", escaped(&history.actuator)),
             format!("<span class=\"state {state}\">{state}</span>"),
@@ -40,14 +40,14 @@ pub(super) fn overview(histories: &[&History], rules: &Rules, zone: &Zone) -> St
     };
     let rows: Vec<Vec<String>> = all.iter().map(row).collect();
     wide_table(
-        "Worst first. Life left: median and 80 % interval",
+        "Worst first. Life left: hours to the end of life, which is later than critical; median and 80 % interval",
         &[
             ("Actuator", ""),
             ("State", ""),
             ("What to do", ""),
             ("Fault", ""),
             ("Life left", ""),
-            ("Since", ""),
+            ("State since", ""),
             ("Newest window", ""),
         ],
         &rows,

@@ -10,6 +10,7 @@ use super::axis::{Mark, UseAxis};
 use super::doubt::is_shown_before;
 use super::history::{History, Point};
 use super::plot::{Axis, Plot, escaped, significant};
+use super::words::{NORMAL_95, percent_of, range_of};
 use super::zone::Zone;
 
 pub(super) const HEIGHT: f64 = 230.0;
@@ -17,9 +18,6 @@ pub(super) const HEIGHT: f64 = 230.0;
 /// Most samples of a window, and most windows of a history, that are drawn; then every n-th, and the last.
 pub(super) const SAMPLES_MAX: usize = 1200;
 const POINTS_MAX: usize = 400;
-
-/// Factor on a standard deviation for 95 %.
-pub(super) const NORMAL_95: f64 = 1.96;
 
 /// A drawing with the sentence below it; what is in the sentence is HTML.
 pub(super) fn figure(plot: &Plot, caption: &str) -> String {
@@ -138,9 +136,15 @@ impl<'a> Drawn<'a> {
             .filter_map(move |place| Some((place.at, value(place.point)?)))
     }
 
-    /// A value of each window, which a line joins; a reset or a new part breaks it.
-    fn line(&self, value: impl Fn(&Point) -> Option<f64>) -> Vec<(f64, Option<f64>)> {
-        let resets = self.marks.iter().filter(|(_, _, mark)| *mark != Mark::Restart);
+    /// A value, or the two of a band, of each window, which a line joins; a reset breaks it, and so does a new part, of a damage one that its
+    /// fault is of.
+    fn line<T>(&self, damage_by: Option<FaultId>, value: impl Fn(&Point) -> Option<T>) -> Vec<(f64, Option<T>)> {
+        let breaks = |mark| match (mark, damage_by) {
+            (Mark::Restart, _) => false,
+            (Mark::Replaced(part), Some(fault)) => ReplacedPart::renews(Some(part), fault),
+            (Mark::Unit | Mark::Reset | Mark::Replaced(_), _) => true,
+        };
+        let resets = self.marks.iter().filter(|(_, _, mark)| breaks(*mark));
         let mut resets = resets.map(|(n, ..)| *n).peekable();
         let mut line = Vec::with_capacity(self.points.len());
         for place in &self.points {
@@ -150,13 +154,6 @@ impl<'a> Drawn<'a> {
             line.push((place.at, value(place.point)));
         }
         line
-    }
-
-    fn band(&self, between: impl Fn(&Point) -> Option<(f64, f64)>) -> Vec<(f64, Option<(f64, f64)>)> {
-        let low = self.line(|point| between(point).map(|(low, _)| low));
-        let high = self.line(|point| between(point).map(|(_, high)| high));
-        let both = low.into_iter().zip(high);
-        both.map(|((at, low), (_, high))| (at, low.zip(high))).collect()
     }
 }
 
@@ -184,13 +181,14 @@ pub(super) fn legend(history: &History, zone: &Zone) -> String {
             times.join(", ")
         )
     };
-    let parts = ReplacedPart::ALL.map(Mark::Replaced);
-    let kinds: String = [Mark::Unit, Mark::Reset, Mark::Restart]
-        .into_iter()
-        .chain(parts)
-        .filter(|mark| marks.iter().any(|(_, found)| found == mark))
-        .map(key)
-        .collect();
+    // In the order in which they come last.
+    let mut kinds: Vec<Mark> = Vec::new();
+    for (_, mark) in marks.iter().rev() {
+        if !kinds.contains(mark) {
+            kinds.push(*mark);
+        }
+    }
+    let kinds: String = kinds.into_iter().rev().map(key).collect();
     if kinds.is_empty() {
         kinds
     } else {
@@ -219,15 +217,11 @@ fn newest_damage(history: &History, fault: FaultId) -> String {
             false => "no window shows it".to_owned(),
         };
     };
-    let percent = 100.0 * shown.damage;
-    match shown.sigma.map(|sigma| 100.0 * NORMAL_95 * sigma) {
-        None => format!("{percent:.1} %"),
-        Some(half) => format!(
-            "{percent:.1} %, with 95 % probability {:.1} to {:.1} %",
-            (percent - half).max(0.0),
-            (percent + half).min(100.0)
-        ),
-    }
+    let percent = percent_of(shown.damage);
+    range_of(shown).map_or_else(
+        || percent.clone(),
+        |range| format!("{percent}, with 95 % probability {range}"),
+    )
 }
 
 fn damage(drawn: &Drawn<'_>, fault: FaultId, mode: &FaultMode, newest: &str) -> String {
@@ -248,8 +242,8 @@ fn damage(drawn: &Drawn<'_>, fault: FaultId, mode: &FaultMode, newest: &str) -> 
     );
     let [watch, warning, critical] = mode.severity.map(|severity| 100.0 * severity.damage);
     plot.zone("healthy", 0.0, watch);
-    plot.band("band", drawn.band(interval).into_iter());
-    plot.line("value", drawn.line(value).into_iter());
+    plot.band("band", drawn.line(Some(fault), interval).into_iter());
+    plot.line("value", drawn.line(Some(fault), value).into_iter());
     plot.dots("dots", drawn.values(value));
     // In front, so that their names can be read.
     plot.level("level", watch, "watch");
@@ -284,9 +278,12 @@ pub(super) fn remaining(history: &History) -> String {
     );
     plot.band(
         "band",
-        drawn.band(|point| point.left_h.map(|h| (h[0], h[2]))).into_iter(),
+        drawn.line(None, |point| point.left_h.map(|h| (h[0], h[2]))).into_iter(),
     );
-    plot.line("value", drawn.line(|point| point.left_h.map(|h| h[1])).into_iter());
+    plot.line(
+        "value",
+        drawn.line(None, |point| point.left_h.map(|h| h[1])).into_iter(),
+    );
     figure(
         &plot,
         "Remaining useful life: <span class=\"key\">median</span>, band from the 10 % to the 90 % quantile",
@@ -299,7 +296,7 @@ pub(super) fn residuals(history: &History) -> String {
     let values = drawn.values(|point| point.residual_rms_a).map(|(_, value)| value);
     let y = Axis::over("residual, A rms", values).down_to_zero();
     let mut plot = drawn.plot("Current residual over use", y);
-    plot.line("value", drawn.line(|point| point.residual_rms_a).into_iter());
+    plot.line("value", drawn.line(None, |point| point.residual_rms_a).into_iter());
     figure(&plot, "Residual (RMS) of the current in each window")
 }
 

@@ -11,11 +11,10 @@ use hmd_core::sensor_health::SensorQuantity;
 
 use super::clock_doubt::clock_sentence;
 use super::doubt::{in_doubt, is_shown_before};
-use super::fault_table::percent_of;
 use super::history::{History, Unassessed, hours_of, is_elapsed};
 use super::plot::escaped;
 use super::recommendation::{Recommendation, drifting};
-use super::words::{duration, durations, with_capital};
+use super::words::{duration, durations, percent_of, with_capital};
 use super::zone::Zone;
 
 /// Part and serial number, number of windows and the time they span.
@@ -186,9 +185,11 @@ fn remaining_life(advice: &Recommendation, history: &History, zone: &Zone) -> St
         Err(reason) => return format!("Remaining life: no number ({reason})."),
     };
     let mut text = if p10 == p90 {
-        format!("Remaining life: {p50}{of}")
+        format!("Remaining life, to the end of life: {p50}{of}")
     } else {
-        format!("Remaining life: nine of ten such actuators last {p10}{of}, half of them {p50}, one of ten {p90}")
+        format!(
+            "Remaining life, to the end of life: nine of ten such actuators last {p10}{of}, half of them {p50}, one of ten {p90}"
+        )
     };
     match (&advice.requirement, advice.ends_first) {
         (Some(requirement), _) => {

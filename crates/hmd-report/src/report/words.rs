@@ -1,4 +1,9 @@
-//! Times and sentences as people read them.
+//! Times, damages and sentences as people read them.
+
+use hmd_core::record::Shown;
+
+/// Factor on a standard deviation for 95 %.
+pub(super) const NORMAL_95: f64 = 1.96;
 
 /// Operating time as people read it.
 pub(super) fn duration(hours: f64) -> String {
@@ -24,6 +29,18 @@ pub(super) fn hours(quantiles: [f64; 3]) -> String {
         return median;
     }
     format!("{median} ({low} … {high})")
+}
+
+/// A damage in percent.
+pub(super) fn percent_of(damage: f64) -> String {
+    format!("{:.1} %", 100.0 * damage)
+}
+
+/// Between which damages it is with 95 % probability; `None` without a sigma.
+pub(super) fn range_of(shown: Shown) -> Option<String> {
+    let half = NORMAL_95 * shown.sigma?;
+    let ends = [shown.damage - half, shown.damage + half].map(|end| 100.0 * end.clamp(0.0, 1.0));
+    Some(format!("{:.1} to {:.1} %", ends[0], ends[1]))
 }
 
 /// The text with a capital letter at its start.

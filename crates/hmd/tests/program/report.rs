@@ -44,7 +44,7 @@ fn a_whole_wear_out_is_one_small_page_and_one_short_line() {
         "Repair before the next use: bearings, gear and screw.",
         "no trend: below the watch level",
         "State of health over use",
-        "Remaining useful life with its 80 % interval",
+        "Remaining useful life with its 80\u{a0}% interval",
         "Data quality",
         "config_hash",
         "model_hash",

@@ -4,7 +4,8 @@ use hmd_core::commissioning::{Findings, FoundParameter, UnitCalibration, UnitEst
 
 use super::super::markup::table;
 use super::super::plot::{Axis, Plot, escaped, number};
-use super::super::sections::{NORMAL_95, figure};
+use super::super::sections::figure;
+use super::super::words::NORMAL_95;
 
 /// Distances in tolerances up to which the axis reaches, at least and at most.
 const TOLERANCES_SHOWN: [f64; 2] = [2.5, 6.0];

@@ -191,7 +191,7 @@ fn sentence(
         }
         (HealthState::Warning, Some(hours)) => {
             format!(
-                "{action}: {parts}, {}: it may be critical then.",
+                "{action}: {parts}, to be done {}: it may be critical then.",
                 within(history, hours, zone)
             )
         }

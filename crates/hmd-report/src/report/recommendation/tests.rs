@@ -269,7 +269,7 @@ fn a_repair_is_planned_within_the_life_that_nine_of_ten_have() {
     let planned = with(90.0);
     assert_eq!(
         planned.action,
-        "Plan the repair: gear and screw, within 45 h of operation: it may be critical then."
+        "Plan the repair: gear and screw, to be done within 45 h of operation: it may be critical then."
     );
     assert_eq!(planned.life_left(), "180 h (90 h … 270 h)");
     let urgent = with(0.002);
@@ -546,7 +546,7 @@ fn parts_without_a_forecast_have_a_sentence_of_their_own() {
     (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) = (Some(90.0), Some(180.0), Some(270.0));
     assert_eq!(
         of(&history).action,
-        "Plan the repair: gear and screw, within 45 h of operation: it may be critical then. Plan the repair: position controller, at the next \
+        "Plan the repair: gear and screw, to be done within 45 h of operation: it may be critical then. Plan the repair: position controller, at the next \
          scheduled maintenance at the latest, for want of a forecast."
     );
 }

@@ -20,7 +20,7 @@ fn by(history: &History, critical_h: f64, are_levels_of_windows: bool) -> String
     recommendation(history, &rules, &Zone::utc()).action
 }
 
-const PLAN: &str = "Plan the repair: bearings, gear and screw, within";
+const PLAN: &str = "Plan the repair: bearings, gear and screw, to be done within";
 
 #[test]
 fn a_deadline_counts_from_the_window_that_showed_the_damage() {

@@ -7,6 +7,7 @@ mod by_both;
 mod by_monitor;
 mod by_relations;
 mod common_change;
+mod sensor_gain;
 
 use std::vec::Vec;
 

@@ -56,7 +56,7 @@ pub(crate) use currents::OFFSET_SHARE;
 pub use findings::{Finding, current_unit, examine};
 pub use motions_without_window::MotionsWithoutWindow;
 pub use offset_by_torque::offset_by_torque;
-pub use readings::{Reading, SensorReadings, sensor_readings};
+pub use readings::{Reading, SensorReadings, has_no_sum, sensor_readings};
 pub use setpoint_time::setpoint_time;
 pub use suspect::{Suspect, Suspicion};
 pub use unseen_motion::UnseenMotion;

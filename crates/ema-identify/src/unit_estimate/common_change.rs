@@ -21,11 +21,32 @@ const CERTAIN: f64 = 3.2;
 const CERTAIN_LEAST: f64 = 0.04;
 
 /// Parameters of the shorts.
-const SHORTS: [usize; 3] = [
+pub(super) const SHORTS: [usize; 3] = [
     FaultId::ShortA.parameter(),
     FaultId::ShortB.parameter(),
     FaultId::ShortC.parameter(),
 ];
+
+/// Phases in the order of their turns, that with the most first; one alone that has more than all of them comes behind the second.
+fn by_turns(turns: &[f64; 3]) -> [usize; 3] {
+    let mut order = [0, 1, 2];
+    order.sort_by(|&one, &other| turns[other].total_cmp(&turns[one]));
+    if turns[order[0]] > 1.0 {
+        order.swap(0, 1);
+    }
+    order
+}
+
+/// What the turns of all phases have in common.
+pub(super) fn common_factor(turns: &[f64; 3]) -> f64 {
+    let [reference, other, _] = by_turns(turns);
+    // One phase alone above 1 is no common change.
+    if turns[other] > 1.0 {
+        turns[reference].clamp(1.0, FACTOR_MAX)
+    } else {
+        turns[reference].max(FACTOR_MIN)
+    }
+}
 
 impl UnitEstimate {
     /// The same with shorts beside what all phases have in common, and that: the torque for each ampere relative to that of commissioning, 1.
@@ -42,16 +63,9 @@ impl UnitEstimate {
             return (self.with_torque_sigma(common), None);
         };
         let turns = [a, b, c];
-        let mut order = [0, 1, 2];
-        order.sort_by(|&one, &other| turns[other].value.total_cmp(&turns[one].value));
-        let [most, second, _] = order;
-        let reference = if turns[most].value > 1.0 { second } else { most };
-        // One phase alone above 1 is no common change.
-        let value = if reference == most {
-            turns[most].value.max(FACTOR_MIN)
-        } else {
-            turns[second].value.clamp(1.0, FACTOR_MAX)
-        };
+        let values = turns.map(|turns| turns.value);
+        let value = common_factor(&values);
+        let [reference, ..] = by_turns(&values);
         let common = Inferred {
             value,
             sigma: turns[reference].sigma,
@@ -76,7 +90,7 @@ impl UnitEstimate {
     }
 
     /// Turns of each phase as the window shows them, 1: where it finds no short, what the torque balance infers, if that is more than all.
-    fn turns(&self) -> [Option<Inferred>; 3] {
+    pub(super) fn turns(&self) -> [Option<Inferred>; 3] {
         let k = self.estimate.fault.to_array();
         core::array::from_fn(|phase| {
             let place = SHORTS[phase];
@@ -123,12 +137,12 @@ impl Estimate {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::super::by_both::tests::estimate;
     use super::*;
 
     /// A window whose phases have these turns by the torque balance, all with one sigma.
-    fn of_turns(turns: [f64; 3], sigma: f64) -> UnitEstimate {
+    pub(in super::super) fn of_turns(turns: [f64; 3], sigma: f64) -> UnitEstimate {
         let mut k = [0.0; FAULT_COUNT];
         for (place, turns) in SHORTS.into_iter().zip(turns) {
             k[place] = (1.0 - turns).max(0.0);

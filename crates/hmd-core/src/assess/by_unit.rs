@@ -14,6 +14,7 @@ use crate::motion::{ONE_WAY_FACTOR, motion_of, moves_one_way};
 use crate::outbox::WindowJob;
 use crate::outliers::{estimate_without_outliers, identify_without_outliers};
 use crate::sample::MeasuredConditions;
+use crate::sensor_checks::{Suspect, Suspicion, has_no_sum};
 use crate::window::Window;
 
 /// What an identification finds in a window.
@@ -22,6 +23,8 @@ pub(super) struct Assessed {
     pub(super) fit: Fit,
     /// Handicaps of the estimate.
     pub(super) reasons: Vec<String>,
+    /// A sensor that is suspected and whose error the estimate does without.
+    pub(super) suspicion: Option<Suspicion>,
 }
 
 impl Assessed {
@@ -141,6 +144,12 @@ pub(super) fn estimate(
             found.estimate.inferred = by_relations.estimate.inferred;
         }
     }
+    let mut suspicion = None;
+    if has_no_sum(job) {
+        let (beside_gain, has_gain) = found.beside_gain_of_one_sensor();
+        found = beside_gain;
+        suspicion = has_gain.then(gain_of_one_sensor);
+    }
     let change_max = unit.seen.torque_change_max(conditions.winding_temp_deg_c);
     let magnet_sigma = unit.seen.magnet_sigma(conditions.winding_temp_deg_c);
     let (without_common, common) = found.without_common_change(change_max);
@@ -179,7 +188,20 @@ pub(super) fn estimate(
         estimate: found.estimate,
         fit,
         reasons,
+        suspicion,
     }))
+}
+
+/// What is said of a gain of one current sensor that shorts alone do not explain.
+fn gain_of_one_sensor() -> Suspicion {
+    let suspect = Suspect::PhaseGain;
+    Suspicion {
+        suspect,
+        sentence: format!(
+            "{suspect}: no shorts alone explain the torque, the gain of one current sensor does; no sum of the phases tells which one, nor how \
+             much of it is a short"
+        ),
+    }
 }
 
 /// Change of the torque for each ampere of all phases that a window states: twice the usual tolerance of the gain of a sensor.

@@ -146,6 +146,10 @@ impl Assessor {
             ));
             return Ok(Explained::invalid(suspects, reasons));
         }
+        if let Some(suspicion) = assessed.suspicion.take().filter(|_| !is_learning) {
+            name(suspicion.suspect, &mut suspects);
+            reasons.push(suspicion.sentence);
+        }
         job.window = corrected.window;
         Ok(Explained {
             assessed: Some(assessed),
@@ -281,6 +285,7 @@ impl Assessor {
             Assessed {
                 fit,
                 reasons: reasons.into_iter().chain(unseen(&estimate)).collect(),
+                suspicion: None,
                 estimate,
             }
         }))

@@ -74,13 +74,22 @@ const RIPPLE_SHARE: f64 = 0.2;
 
 const FREE: (f64, f64) = (0.0, f64::INFINITY);
 
+/// Whether the third current of a window follows from the other two, so that no sum of the phases checks the sensors.
+#[must_use]
+pub fn has_no_sum(job: &WindowJob) -> bool {
+    let params = &job.params;
+    let signals = Signals::new(params, &job.window.samples, &job.window.filled);
+    has_two_sensors(&signals, params.sensors.current_lsb())
+}
+
+fn has_two_sensors(signals: &Signals, lsb: f64) -> bool {
+    let mut sums = signals.rows.iter().map(|row| row.currents.iter().sum::<f64>());
+    sums.all(|sum| sum.abs() < lsb)
+}
+
 /// Offset of the sum and gains of the phases; `None` where the third current follows from the other two.
 fn sum_and_gains(signals: &Signals, lsb: f64) -> Option<(Reading, Option<[Reading; 3]>)> {
-    let has_two_sensors = signals
-        .rows
-        .iter()
-        .all(|row| row.currents.iter().sum::<f64>().abs() < lsb);
-    if has_two_sensors {
+    if has_two_sensors(signals, lsb) {
         return None;
     }
     let rows = sums_of_currents(signals).map(|([a, b, c], sum)| ([1.0, a - c, b - c], sum));

@@ -6,9 +6,10 @@
 //! than a file of its size can hold. The crate that decodes panics at some damaged files: such a group of rows is lost like any other
 //! that is damaged.
 
+use std::cell;
 use std::fmt;
-use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
+use std::panic::{self, AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Once};
 
 use parquet::basic::{ConvertedType, LogicalType, TimeUnit, Type};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
@@ -360,10 +361,29 @@ fn info(column: &ColumnDescriptor) -> SignalInfo {
     }
 }
 
+thread_local! {
+    /// Whether a panic of this thread is a decoder's that gave up: it is reported as damage of the file, not by itself.
+    static IS_DECODING: cell::Cell<bool> = const { cell::Cell::new(false) };
+}
+
+/// Lets the hook for panics that is there hear of all but those of decoders.
+static HOOK: Once = Once::new();
+
 /// What a decoder finds, or that it gave up.
 fn guarded<T>(decode: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+    HOOK.call_once(|| {
+        let others = panic::take_hook();
+        panic::set_hook(Box::new(move |about| {
+            if !IS_DECODING.get() {
+                others(about);
+            }
+        }));
+    });
+    let was_decoding = IS_DECODING.replace(true);
     // What it was at is dropped, or never used again.
-    catch_unwind(AssertUnwindSafe(decode)).unwrap_or_else(|_| Err("damage that its decoder gave up at".to_owned()))
+    let found = catch_unwind(AssertUnwindSafe(decode));
+    IS_DECODING.set(was_decoding);
+    found.unwrap_or_else(|_| Err("damage that its decoder gave up at".to_owned()))
 }
 
 fn one_line(error: &dyn fmt::Display) -> String {
@@ -478,5 +498,14 @@ mod tests {
         let log = ParquetLog::new(file, "a.parquet").expect("a table");
         assert!(log.signals().is_empty());
         assert_eq!(log.not_read(), ["x"]);
+    }
+
+    #[test]
+    fn a_decoder_that_gives_up_is_damage_and_the_next_panic_is_told_again() {
+        let found: Result<(), String> = guarded(|| panic!("a decoder"));
+        assert_eq!(found, Err("damage that its decoder gave up at".to_owned()));
+        assert!(!IS_DECODING.get());
+        let nested = guarded(|| guarded(|| Ok(1)).map(|one| (one, IS_DECODING.get())));
+        assert_eq!(nested, Ok((1, true)));
     }
 }

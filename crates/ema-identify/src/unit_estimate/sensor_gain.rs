@@ -37,7 +37,7 @@ const HOLDS_BESIDE_GAIN: f64 = 9.0;
 struct Explanation {
     /// Turns of the phases without that gain.
     turns: [f64; 3],
-    /// Damage of each phase.
+    /// Damage of each phase beside what all have in common.
     shorts: [f64; 3],
     /// Sum of squares, in standard deviations: turns beyond all, and shorts beside the largest.
     misfit: f64,
@@ -56,14 +56,17 @@ impl Explanation {
             };
             turns[phase].value + change * gain
         });
-        let common = common_factor(&without).max(1.0);
+        let common = common_factor(&without);
         let squared = |value: f64| value * value;
-        let excess = |phase: usize| ((without[phase] / common - 1.0) / turns[phase].sigma).max(0.0);
+        let excess = |phase: usize| ((without[phase] / common.max(1.0) - 1.0) / turns[phase].sigma).max(0.0);
         let shorts = without.map(|turns: f64| (1.0 - turns / common).clamp(0.0, 1.0));
-        let largest = shorts.into_iter().fold(0.0, f64::max);
-        let further = |short: f64| squared(short / FURTHER_SHORT_SIGMA).min(FURTHER_SHORT_MAX);
-        let all_further: f64 = shorts.into_iter().map(further).sum();
-        let misfit = (0..3).map(|phase| squared(excess(phase))).sum::<f64>() + all_further - further(largest);
+        let further = |phase: usize| {
+            let sigma: f64 = turns[phase].sigma.hypot(FURTHER_SHORT_SIGMA);
+            squared(shorts[phase] / sigma).min(FURTHER_SHORT_MAX)
+        };
+        let largest = (0..3).max_by(|&one, &other| shorts[one].total_cmp(&shorts[other]));
+        let all_further: f64 = (0..3).filter(|phase| Some(*phase) != largest).map(further).sum();
+        let misfit = (0..3).map(|phase| squared(excess(phase))).sum::<f64>() + all_further;
         Self {
             turns: without,
             shorts,
@@ -106,8 +109,8 @@ impl UnitEstimate {
         }
         if has_gain {
             let mut k = self.estimate.fault.to_array();
-            for (place, short) in SHORTS.into_iter().zip(taken.shorts) {
-                k[place] = short;
+            for (place, turns) in SHORTS.into_iter().zip(taken.turns) {
+                k[place] = (1.0 - turns).clamp(0.0, 1.0);
             }
             self.estimate.fault = FaultVector::from_array(k);
             self.estimate.unknowns.fault = self.estimate.fault;

@@ -134,6 +134,12 @@ pub(super) fn estimate(
         _ => return Err(AssessError::NoEstimator(job.actuator.name.clone())),
     };
     let Some((fit, mut found)) = found else { return Ok(None) };
+    let mut suspicion = None;
+    if found.estimate.inferred.turns != [None; 3] && has_no_sum(job) {
+        let (beside_gain, has_gain) = found.beside_gain_of_one_sensor();
+        found = beside_gain;
+        suspicion = has_gain.then(gain_of_one_sensor);
+    }
     // The monitor infers nothing of a commissioned unit.
     if found.estimate.inferred.turns == [None; 3]
         && let (Some(relations), false) = (&unit.relations, effort.is_short())
@@ -143,12 +149,6 @@ pub(super) fn estimate(
         if by_relations.unexplained.is_empty() {
             found.estimate.inferred = by_relations.estimate.inferred;
         }
-    }
-    let mut suspicion = None;
-    if has_no_sum(job) {
-        let (beside_gain, has_gain) = found.beside_gain_of_one_sensor();
-        found = beside_gain;
-        suspicion = has_gain.then(gain_of_one_sensor);
     }
     let change_max = unit.seen.torque_change_max(conditions.winding_temp_deg_c);
     let magnet_sigma = unit.seen.magnet_sigma(conditions.winding_temp_deg_c);

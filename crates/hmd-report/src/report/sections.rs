@@ -327,7 +327,7 @@ mod tests {
             points: points.to_vec(),
             ..History::default()
         };
-        let line = Drawn::new(&history).line(|point| point.residual_rms_a);
+        let line = Drawn::new(&history).line(None, |point: &Point| point.residual_rms_a);
         let expected = [Some(0.0), Some(5.0), None, Some(0.0), Some(1.0)];
         assert_eq!(line.iter().map(|(_, value)| *value).collect::<Vec<_>>(), expected);
         assert_eq!(

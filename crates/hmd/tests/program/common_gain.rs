@@ -1,4 +1,4 @@
-//! A gain of all current sensors that came since commissioning: no shorts of three phases, whatever the levels, and no hiding place of one.
+//! A gain of all current sensors, or of one of two, that came since commissioning: no shorts, whatever the levels, and no hiding place of one.
 
 use crate::folder::Folder;
 
@@ -63,6 +63,37 @@ fn currents_that_all_read_wrong_accuse_no_phase_and_hide_no_short() {
             );
             let [(k, sigma), ..] = shorts(&line);
             assert!((k - 0.15).abs() < 2.0 * sigma, "{line}");
+        }
+    }
+}
+
+#[test]
+fn one_of_two_sensors_that_reads_wrong_accuses_no_phase_and_hides_no_short() {
+    let folder = Folder::new();
+    let unit = "[[actuator]]\nid = 0\ntype = \"servo270\"\n";
+    folder.write("new.toml", unit);
+    folder.write("hmd.toml", format!("{unit}calibration = \"unit.toml\"\n"));
+    let simulate = |options: &str| {
+        folder.done(&format!(
+            "simulate --actuator servo270 --noise 0.02 --with two_current_sensors=1 {options}"
+        ));
+    };
+    simulate("--windows 8 --seed 6 -o healthy.log");
+    folder.done("calibrate healthy.log -c new.toml -o unit.toml");
+    for (gain, short) in [(0.0, 0.1), (0.06, 0.0), (-0.06, 0.0), (-0.06, 0.1)] {
+        simulate(&format!(
+            "--windows 2 --seed 8 --with current_gain_a={gain} --fault short_a={short} -o later.log"
+        ));
+        for line in lines(&folder, "hmd.toml") {
+            let [(k, sigma), b, c] = shorts(&line);
+            assert!((k - short).abs() < 3.0 * sigma, "{gain} {short}: {line}");
+            assert!(
+                [b, c].iter().all(|(k, sigma)| k < &(3.0 * sigma)),
+                "{gain} {short}: {line}"
+            );
+            let named = if gain == 0.0 { vec!["short_a"] } else { Vec::new() };
+            assert_eq!(line["faults"], serde_json::json!(named), "{gain} {short}: {line}");
+            assert_eq!(line["suspects"].is_array(), gain != 0.0, "{gain} {short}: {line}");
         }
     }
 }

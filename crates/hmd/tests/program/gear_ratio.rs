@@ -10,14 +10,17 @@ fn a_ratio_of_91_for_90_is_named_by_replay_and_by_calibrate() {
     folder.write("real.toml", OF_90);
     let actuator = "[[actuator]]\nid = 0\ntype = \"own\"\n";
     folder.write("wrong.toml", OF_90.replace("90", "91") + actuator);
-    for profile in ["mixed", "ramp", "step"] {
+    for (profile, windows) in [("mixed", 5), ("ramp", 2), ("step", 2)] {
         folder.done(&format!(
-            "simulate -c real.toml --actuator own --profile {profile} --windows 5 --noise 0.05 --seed 5 -o unit.log"
+            "simulate -c real.toml --actuator own --profile {profile} --windows {windows} --noise 0.05 --seed 5 -o unit.log"
         ));
         let lines = folder.done("replay unit.log -c wrong.toml --json");
         let said = "gear ratio: it seems to be 90.";
-        assert_eq!(lines.matches(said).count(), 5, "{profile}: {lines}");
-        assert_eq!(lines.matches("\"faults\":[]").count(), 5, "{profile}: {lines}");
+        assert_eq!(lines.matches(said).count(), windows, "{profile}: {lines}");
+        assert_eq!(lines.matches("\"faults\":[]").count(), windows, "{profile}: {lines}");
+        if windows < 5 {
+            continue;
+        }
         // Refused or warned, with the same words.
         let ended = folder.hmd("calibrate unit.log -c wrong.toml -o unit.toml");
         assert!(ended.stderr.contains("check gear ratio"), "{}", ended.stderr);

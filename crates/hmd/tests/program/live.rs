@@ -220,10 +220,7 @@ fn a_host_that_reads_late_and_then_a_lot_at_once_spoils_no_window() {
     let (lines, _) = run(vec![("can1", traffic)], &folder.path().join("live.mcap"));
     let health = lines.health();
     let reason = &health[0];
-    assert!(
-        reason.contains("\"status\":\"ok\"") && !reason.contains("lost"),
-        "{reason}"
-    );
+    assert!(!reason.contains("\"k\":null") && !reason.contains("lost"), "{reason}");
 }
 
 #[test]

@@ -17,6 +17,7 @@ const NS_PER_H: f64 = 3.6e12;
 /// requirement that is missed before a part fails.
 pub(super) fn maintenance(history: &History, left: &Left, rules: &Rules, zone: &Zone) -> String {
     let mut sentences = Vec::new();
+    let mut named: Vec<&str> = Vec::new();
     if left.in_state(left.state).is_empty() {
         sentences.push(sentence(history, left.state, "actuator", None, rules, zone));
     }
@@ -30,9 +31,14 @@ pub(super) fn maintenance(history: &History, left: &Left, rules: &Rules, zone: &
         for faults in [planned, open].iter().filter(|faults| !faults.is_empty()) {
             let mut parts: Vec<&str> = Vec::new();
             for part in faults.iter().map(|(fault, _)| fault.part()) {
-                if !parts.contains(&part) {
+                // A part of what a worse sentence names, as the gear is of "bearings, gear and screw", has one action.
+                if !named.iter().any(|whole| whole.contains(part)) {
+                    named.push(part);
                     parts.push(part);
                 }
+            }
+            if parts.is_empty() {
+                continue;
             }
             let deadline = faults
                 .iter()

@@ -84,6 +84,10 @@ fn the_worst_part_is_named_with_the_action_of_the_catalogue() {
          maintenance at the latest, for want of a forecast."
     );
     assert_eq!(found.since_ns, Some(2));
+    // The gear is a part of what the friction's action names.
+    let rough = [0.7, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0];
+    let found = of(&history(&["nominal", "critical"], &[Friction, Backlash], rough));
+    assert_eq!(found.action, "Repair before the next use: bearings, gear and screw.");
     let well = of(&history(&["nominal"], &[], [0.0; FaultId::COUNT]));
     assert_eq!((well.faults, &*well.action), (Vec::new(), "No action."));
 }

@@ -197,7 +197,7 @@ pub fn calibrate_unit(
     }
     let motions: Vec<_> = jobs.iter().map(motion_of).collect();
     let seen = Seen::of(&motions);
-    let by_relations = learn_relations(jobs, &seen);
+    let mut by_relations = learn_relations(jobs, &seen);
     progress(jobs.len() as u64);
     let is_vector = jobs[0].actuator.drive.kind == DriveKind::Vector;
     // Relations that show all well assess the unit, whatever the monitor says: it is learnt for what it says of the motor, by the drive of
@@ -205,22 +205,26 @@ pub fn calibrate_unit(
     let suffice = by_relations
         .as_ref()
         .is_ok_and(|learnt| learnt.evidence.shows_all_well() && learnt.far_parameter(&jobs[0]).is_none());
-    let by_monitor = match (suffice, is_vector) {
+    let mut by_monitor = match (suffice, is_vector) {
         // The monitor follows the set point.
         _ if !jobs[0].actuator.has_set_point() => None,
         (true, true) => None,
         (true, false) => learn_monitor(assessor, jobs, &CURRENT_TIME_CONSTANTS_S[..1], seed, progress)?,
         (false, _) => learn_monitor(assessor, jobs, &CURRENT_TIME_CONSTANTS_S, seed, progress)?,
     };
+    let actuator = &jobs[0].actuator;
+    if let Some(log) = &actuator.log {
+        let of_relations = by_relations.as_mut().ok().map(|learnt| &mut learnt.evidence);
+        let of_monitor = by_monitor.as_mut().map(|learnt| &mut learnt.evidence);
+        for evidence in of_relations.into_iter().chain(of_monitor) {
+            evidence.hide(log.gaps().flat_map(|gap| gap.hides()));
+        }
+    }
     let Choice {
         estimator,
         reason,
         mut evidence,
     } = choose(&jobs[0], is_vector, by_relations.as_ref(), by_monitor.as_ref())?;
-    let actuator = &jobs[0].actuator;
-    if let Some(log) = &actuator.log {
-        evidence.hide(log.gaps().flat_map(|gap| gap.hides()));
-    }
     evidence.widen(FaultId::Gain, gain_sigma(&jobs[0].params, seen.setpoint_held_s));
     let mut notes = Vec::new();
     if let (UnitEstimator::Relations, Some(monitor)) = (estimator, &by_monitor)

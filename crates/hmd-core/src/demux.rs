@@ -11,7 +11,7 @@ use std::sync::Arc;
 use ema_wire::{ActuatorId, DeframerStats, Frame, Message, SampleFd, SerialPacket};
 
 use crate::actuator_stream::{ActuatorStream, StreamCounts};
-use crate::config::Config;
+use crate::config::{ActuatorConfig, Config};
 use crate::dbc::MappedBus;
 use crate::drive_bus::DriveJoiner;
 use crate::frame::{BusNames, RawFrame};
@@ -127,7 +127,7 @@ impl Demux {
         let parsed = if frame.is_serial() {
             self.parse_serial(frame)
         } else {
-            self.parse_can(frame)
+            self.parse_can(frame, names.name(frame.bus).unwrap_or(""))
         };
         let Some((actuator, parsed)) = parsed else {
             return;
@@ -249,18 +249,20 @@ impl Demux {
         !watched
     }
 
-    /// The frame of the built-in dictionary, and of which actuator.
-    fn parse_can(&mut self, frame: &RawFrame) -> Option<(ActuatorId, Frame)> {
+    /// The frame of the built-in dictionary, and of which actuator; none of one that has frames of its own, whatever its number.
+    fn parse_can(&mut self, frame: &RawFrame, bus: &str) -> Option<(ActuatorId, Frame)> {
         let id = u16::try_from(frame.id())
             .ok()
             .filter(|_| !frame.is_extended() && !frame.is_remote());
-        match id.map(|id| Frame::parse(id, frame.data())) {
-            Some(Ok(Some(ours))) => Some(ours),
-            Some(Err(_)) => {
+        let configured = |actuator| self.config.actuator_for(bus, actuator);
+        let has_own = |of: &ActuatorConfig| of.drive_bus.is_some() || of.map.is_some();
+        match id.map(|id| (Frame::parse(id, frame.data()), Message::from_id(id))) {
+            Some((Ok(Some(ours)), _)) if !configured(ours.0).is_some_and(has_own) => Some(ours),
+            Some((Err(_), Some((actuator, _)))) if configured(actuator).is_some_and(|of| !has_own(of)) => {
                 self.counts.malformed += 1;
                 None
             }
-            Some(Ok(None)) | None => {
+            _ => {
                 self.counts.filtered += 1;
                 None
             }

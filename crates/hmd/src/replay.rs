@@ -419,6 +419,7 @@ impl<O: Observer> Run<'_, O> {
             frames: self.pipeline.frames(),
             damaged_places: self.damaged_places,
             windows_without_unit: self.units.windows_without,
+            talkers: self.pipeline.talkers().map(|(_, talker)| talker).collect(),
         };
         if let Some(mut recorder) = self.recorder {
             recorder.write_status(last_stamp_ns, &summary.status)?;

@@ -106,7 +106,8 @@ pub fn windows_of(
         names = source.into_bus_names();
         let status = pipeline.status(&names, WindowCounts::default());
         if pipeline.actuators() == 0 {
-            let (expected, others) = (watched(config), other_frames(&status));
+            let talkers = pipeline.talkers().map(|(_, talker)| talker);
+            let (expected, others) = (watched(config), other_frames(&status, talkers));
             report(&format!(
                 "{}: expected frames of {expected}, found none ({others})",
                 log.display()

@@ -62,9 +62,7 @@ impl Assessor {
                 made_fit = self
                     .estimate(&mut other, conditions, effort)?
                     .map(|assessed| BySignals {
-                        assessed: self
-                            .hide_gain_beside_ratio(assessed, &findings)
-                            .widened(CORRECTED_FACTOR),
+                        assessed: self.beside(assessed, &findings),
                         corrected: other,
                         unchecked: false,
                     });
@@ -132,9 +130,7 @@ impl Assessor {
                     corrected = window;
                     as_received
                 }
-                None => self
-                    .hide_gain_beside_ratio(assessed, &findings)
-                    .widened(CORRECTED_FACTOR),
+                None => self.beside(assessed, &findings),
             };
         }
         let is_unnamed = findings.is_empty() && open.is_empty() && !is_learning;
@@ -173,6 +169,26 @@ impl Assessor {
             assessed,
             unchecked,
         }))
+    }
+
+    /// The estimate of a window from which these mistakes were taken out, with what they leave open.
+    fn beside(&self, assessed: Assessed, findings: &[Finding]) -> Assessed {
+        let assessed = self.hide_gain_beside_ratio(assessed, findings);
+        self.open_phase_beside_order(assessed, findings)
+            .widened(CORRECTED_FACTOR)
+    }
+
+    /// With a reason where a winding is accused and the order of the phases was corrected: angles of the wrong sign or from another zero look
+    /// the same, and leave the phases in the order in which they were logged.
+    fn open_phase_beside_order(&self, mut assessed: Assessed, findings: &[Finding]) -> Assessed {
+        let mut suspicions = findings.iter().flat_map(|finding| &finding.suspicions);
+        let is_order = suspicions.any(|suspicion| suspicion.suspect == Suspect::PhaseOrder);
+        let damage = |short: &FaultId| assessed.estimate.fault.damage_of(*short);
+        let shorts = [FaultId::ShortA, FaultId::ShortB, FaultId::ShortC];
+        if is_order && shorts.iter().map(damage).any(|damage| damage >= self.watch_level()) {
+            assessed.reasons.push(PHASE_BY_ORDER.to_owned());
+        }
+        assessed
     }
 
     /// Without a gain that is not the healthy one where the output turns by another ratio than the motor: where output angle and set point are
@@ -280,6 +296,10 @@ impl Assessor {
 /// Why a gain is not observable beside another gear ratio.
 const GAIN_OR_SCALE: &str =
     "the scale of output angle and set point, both, would show so, too: controller gain is not observable";
+
+/// Why the phase of a short is open beside another order of the phases.
+const PHASE_BY_ORDER: &str = "which winding is shorted depends on the mistake: were the angles logged with the wrong sign or from another zero \
+                              instead, it is another one";
 
 /// Factor on every sigma of a window from which a mistake was taken out: how large it was is itself an estimate.
 pub(super) const CORRECTED_FACTOR: f64 = 2.0;

@@ -1,5 +1,6 @@
 //! What a replay found, and what it found instead of what is watched, in words.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use super::error::ReplayError;
@@ -8,6 +9,7 @@ use hmd_core::counted::counted;
 use hmd_core::dbc::MessageUse;
 use hmd_core::demux::FrameCounts;
 use hmd_core::record::Status;
+use hmd_core::talker::Talker;
 
 /// What became of the data.
 #[derive(Clone, Debug, Default)]
@@ -24,6 +26,8 @@ pub struct Summary {
     pub damaged_places: u64,
     /// Windows that were assessed without the unit that their run had learnt, since it is neither in the logs nor kept.
     pub windows_without_unit: u64,
+    /// Who talks, and nothing of it is used.
+    pub talkers: BTreeSet<Talker>,
 }
 
 impl Summary {
@@ -46,7 +50,7 @@ impl Summary {
             return Err(ReplayError::NoActuator {
                 logs: logs(),
                 expected: watched(config),
-                found: other_frames(&self.status),
+                found: other_frames(&self.status, self.talkers.iter().copied()),
             });
         }
         if self.status.samples == 0 {
@@ -70,8 +74,11 @@ impl Summary {
     }
 }
 
-/// The frames of others than the actuators watched, in words.
-pub(crate) fn other_frames(status: &Status) -> String {
+/// Most numbers that are named.
+const NAMED_MAX: usize = 8;
+
+/// The frames of others than the actuators watched, in words, and whose they are.
+pub(crate) fn other_frames(status: &Status, talkers: impl Iterator<Item = Talker>) -> String {
     let found = match (status.frames_filtered, status.lost_malformed) {
         (other, 0) => counted(other, "other frame", "other frames"),
         (0, malformed) => counted(malformed, "malformed frame", "malformed frames"),
@@ -81,7 +88,13 @@ pub(crate) fn other_frames(status: &Status) -> String {
         ),
     };
     let interfaces: Vec<&str> = status.interfaces.iter().map(|on| on.interface.as_str()).collect();
-    format!("{found} on {}", interfaces.join(", "))
+    let talkers: BTreeSet<Talker> = talkers.collect();
+    let of: Vec<String> = talkers.iter().take(NAMED_MAX).map(ToString::to_string).collect();
+    let of = match (of.is_empty(), talkers.len() > NAMED_MAX) {
+        (true, _) => String::new(),
+        (false, is_more) => format!(" of {}{}", of.join(", "), if is_more { " and others" } else { "" }),
+    };
+    format!("{found}{of} on {}", interfaces.join(", "))
 }
 
 /// What is watched, in words: which frames on which bus.
@@ -98,6 +111,10 @@ pub(crate) fn watched(config: &Config) -> String {
             .flat_map(|map| &map.messages)
             .map(MessageUse::shown_id)
             .collect();
+        if let Some(drive) = &actuator.drive_bus {
+            let (preset, node) = (drive.settings().preset.name(), drive.settings().node);
+            return format!("{} on {bus} ({preset} node {node})", actuator.name);
+        }
         match ids.as_slice() {
             [] => format!("{} on {bus}", actuator.name),
             ids => format!("{} on {bus} ({})", actuator.name, ids.join(", ")),

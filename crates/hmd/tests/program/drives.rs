@@ -119,7 +119,8 @@ fn without_an_encoder_at_the_output_play_is_not_observable() {
         };
         let folder = Folder::new();
         let play = "--seed 5 --fault backlash=0.4";
-        let play = if matches!(preset, "moteus" | "damiao") {
+        let is_commissioned = matches!(preset, "moteus" | "damiao");
+        let play = if is_commissioned {
             let said = bus.commission(&folder);
             assert!(said.contains("backlash not shown by these windows"), "{preset}: {said}");
             if preset == "damiao" {
@@ -137,7 +138,8 @@ fn without_an_encoder_at_the_output_play_is_not_observable() {
         let hidden = "no position.output: the gear is taken as rigid, and backlash is not observable";
         assert_eq!(count(&play, hidden), 2, "{preset}: {play}");
         // Friction, then backlash.
-        assert_eq!(count(&play, "\"observable\":[true,false,"), 2, "{preset}: {play}");
+        let observable = format!("\"observable\":[{is_commissioned},false,");
+        assert_eq!(count(&play, &observable), 2, "{preset}: {play}");
     }
 }
 
@@ -531,4 +533,30 @@ fn windows_without_set_point_that_are_not_fit_say_why() {
     assert_eq!(ended.code, 1, "{}", ended.stderr);
     assert!(ended.stderr.contains("joint: window 0: left out: "), "{}", ended.stderr);
     assert!(!ended.stderr.contains("(hmd calibrate)"), "{}", ended.stderr);
+}
+
+#[test]
+fn another_node_is_named_and_frames_of_the_built_in_dictionary_are_none_of_a_drive() {
+    for preset in ["odrive", "moteus", "vesc"] {
+        let bus = Bus {
+            actuator: "servo270",
+            preset,
+            encoder: false,
+            rate_hz: 400,
+            keys: "node = 5",
+        };
+        let folder = Folder::new();
+        bus.configure(&folder, "known", "");
+        let head = format!("expected frames of joint on any bus ({preset} node 5), found none (");
+        bus.simulate(&folder, "--windows 1", "node.log");
+        let message = folder.refused("replay node.log -c known.toml", 1);
+        assert!(message.contains(&head), "{message}");
+        assert!(
+            message.contains(" other frames of node 1 on can0)") && !message.contains("malformed"),
+            "{message}"
+        );
+        folder.done("simulate --id 1 --windows 1 -o other.log");
+        let message = folder.refused("replay other.log -c known.toml", 1);
+        assert!(message.contains(&head) && !message.contains("malformed"), "{message}");
+    }
 }

@@ -379,7 +379,7 @@ impl Assessor {
 }
 
 /// Reason of a window of a unit whose calibration was learnt before a replacement.
-const OUTDATED: &str = "its calibration is older than a recorded replacement, and not used";
+pub const OUTDATED: &str = "its calibration is older than a recorded replacement, and not used";
 
 /// The search that a configuration asks for.
 #[must_use]

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use ema_models::FaultId;
+use hmd_core::assess::OUTDATED;
 use hmd_core::config::HoursOf;
 use hmd_core::health::HealthState;
 use hmd_core::history::{FELL, ReplacedPart};
@@ -228,7 +229,8 @@ impl History {
         })
     }
 
-    /// Whether some window knows of a replacement between the window at which the damage of a fault fell and the last one before that showed it.
+    /// Whether some window knows of a replacement between the window at which the damage of a fault fell and the last one before that showed it:
+    /// by an event, or by a calibration that is older than one.
     fn is_repaired(&self, fault: FaultId) -> bool {
         let fell = |point: &&Point| names_fallen(&point.reason, fault);
         let Some(fell_ns) = self.points.iter().rfind(fell).map(|point| point.t_start_ns) else {
@@ -238,7 +240,8 @@ impl History {
             |point: &&Point| point.t_start_ns < fell_ns && point.states[fault.index()] >= HealthState::Warning;
         let worn = self.points.iter().filter(was_worn).map(|point| point.t_start_ns);
         let worn_ns = worn.max().unwrap_or(0);
-        let is_repair = |point: &Point| (worn_ns + 1..=fell_ns).contains(&point.t_start_ns) && point.renews(fault);
+        let knows = |point: &Point| point.renews(fault) || point.reason.contains(OUTDATED);
+        let is_repair = |point: &Point| (worn_ns + 1..=fell_ns).contains(&point.t_start_ns) && knows(point);
         self.points.iter().any(is_repair)
     }
 }

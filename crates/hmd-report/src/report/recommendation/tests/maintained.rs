@@ -1,6 +1,7 @@
 //! What still holds after a part was replaced, and over recordings that know nothing of each other.
 
 use super::*;
+use hmd_core::assess::OUTDATED;
 use hmd_core::history::FELL;
 
 use HealthState::{Critical, Nominal, Unknown, Warning, Watch};
@@ -179,6 +180,12 @@ fn a_repair_that_another_recording_knows_of_is_recorded() {
     assert!(!asks(3, "gearbox") && !asks(2, "unit"));
     // Of another part, before the damage, or after it fell.
     assert!(asks(3, "controller") && asks(1, "gearbox") && asks(4, "gearbox"));
+    // No event, but a calibration that is outdated.
+    let mut fell = window(2, [Nominal; 3], "");
+    fell.reason = format!("{reason}; {OUTDATED}");
+    let mut history = of_windows(vec![window(1, [Warning, Nominal, Nominal], ""), fell]);
+    history.newest.fallen[FaultId::Friction.index()] = true;
+    assert!(!of(&history).has_checks);
 }
 
 #[test]

@@ -36,6 +36,7 @@ use hmd_storage::segment_store::current_path;
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader};
+use std::os::unix::fs::FileTypeExt;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -122,13 +123,23 @@ pub fn open_mapped(path: &Path, names: BusNames, config: &Config) -> Result<Fram
     open_for(path, names, Some(config))
 }
 
+/// Opens a log, or the pipe of a shell. One that has a name would wait for a writer, who may never come.
+fn open_waited_for(path: &Path) -> io::Result<File> {
+    let is_pipe = std::fs::metadata(path).is_ok_and(|about| about.file_type().is_fifo());
+    if is_pipe && std::fs::canonicalize(path).is_ok() {
+        let what = "expected a regular file, found a named pipe";
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, what));
+    }
+    File::open(path)
+}
+
 fn open_for(path: &Path, names: BusNames, config: Option<&Config>) -> Result<FrameSource, IngestError> {
     let file = path.display().to_string();
     let unreadable = |cause| IngestError::Unreadable {
         file: file.clone(),
         cause,
     };
-    let input = File::open(current_path(path)).map_err(unreadable)?;
+    let input = open_waited_for(&current_path(path)).map_err(unreadable)?;
     let about = input.metadata().map_err(unreadable)?;
     if about.is_dir() {
         return Err(IngestError::Directory { file });

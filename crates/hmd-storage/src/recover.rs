@@ -94,7 +94,7 @@ pub fn recover<R: Read + Seek, W: Write + Seek>(
     out: W,
     profile: &str,
 ) -> Result<(W, Recovered), RecoverError> {
-    let (mut copy, report) = copied(input, file, out, profile, u64::MAX)?;
+    let (mut copy, report) = copied(input, file, out, profile, u64::MAX, &|| false)?;
     if !report.is_intact() {
         let mut metadata = BTreeMap::from([("losses".to_owned(), report.losses_total.to_string())]);
         seal(RECOVERED_NAME, &mut metadata);
@@ -104,15 +104,16 @@ pub fn recover<R: Read + Seek, W: Write + Seek>(
     Ok((copy.finished()?, report))
 }
 
-/// The same without that record, given up when the chunks expand to more than `expanded_max` bytes.
+/// The same without that record, given up when the chunks expand to more than `expanded_max` bytes, or at the next message once it is stopped.
 pub(crate) fn recover_within<R: Read + Seek, W: Write + Seek>(
     input: R,
     file: &str,
     out: W,
     profile: &str,
     expanded_max: u64,
+    is_stopped: &dyn Fn() -> bool,
 ) -> Result<(W, Recovered), RecoverError> {
-    let (copy, report) = copied(input, file, out, profile, expanded_max)?;
+    let (copy, report) = copied(input, file, out, profile, expanded_max, is_stopped)?;
     Ok((copy.finished()?, report))
 }
 
@@ -123,6 +124,7 @@ fn copied<R: Read + Seek, W: Write + Seek>(
     out: W,
     profile: &str,
     expanded_max: u64,
+    is_stopped: &dyn Fn() -> bool,
 ) -> Result<(Copy<W>, Recovered), RecoverError> {
     let messages = McapMessages::new(input, file).map_err(|cause| RecoverError::Input {
         file: file.to_owned(),
@@ -161,6 +163,10 @@ fn copied<R: Read + Seek, W: Write + Seek>(
             }
             Some(Err(loss)) => report.lose(loss),
             None => break,
+        }
+        if is_stopped() {
+            report.is_given_up = true;
+            break;
         }
         item = messages.next();
     }

@@ -237,3 +237,26 @@ fn a_counter_far_back_is_a_restart_though_the_stamps_are_one() {
     }
     assert_eq!((assembler.stats().restarts, assembler.stats().late), (1, 0));
 }
+
+#[test]
+fn after_a_silence_the_last_sample_or_one_before_it_is_a_new_one() {
+    for k in [900, 899] {
+        let mut assembler = assembler();
+        assert!(assembler.push_sample(&nth_sample(900), 0).is_some());
+        assert!(assembler.push_sample(&nth_sample(k), 60_000_000_000).is_some(), "{k}");
+        assert_eq!(
+            (assembler.stats().restarts, assembler.stats().duplicates),
+            (1, 0),
+            "{k}"
+        );
+    }
+}
+
+#[test]
+fn nothing_is_missing_before_another_stream() {
+    let mut assembler = assembler();
+    assert!(assembler.push_sample(&nth_sample(7), 0).is_some());
+    assembler.begin_stream();
+    assert!(assembler.push_sample(&nth_sample(300), PERIOD_NS).is_some());
+    assert_eq!((assembler.stats().missing, assembler.stats().restarts), (0, 0));
+}

@@ -3,7 +3,7 @@
 use core::f64::consts::TAU;
 
 use ema_wire::bus_load::{bus_load, fd_bus_load, fd_frame_seconds, serial_load};
-use ema_wire::quantity::output_angle_rad;
+use ema_wire::quantity::{motor_angle_rad, motor_counts, output_angle_rad, output_counts};
 use ema_wire::serial::{BufferTooSmall, DeframerStats, MAX_FRAME_LEN, SerialPacket};
 use ema_wire::{ActuatorId, Assembler, BatchError, Currents, Deframer, Frame, FrameError, Mode, ParseError, Sample};
 
@@ -20,6 +20,10 @@ fn is_near(found: f64, expected: f64) -> bool {
 #[test]
 fn quantities_are_those_of_their_units() {
     assert!(is_near(output_angle_rad(-5_000), -TAU / 4.0));
+    assert!(is_near(motor_angle_rad(-16_384), -TAU / 4.0));
+    // The lower edge of a count.
+    assert_eq!((motor_counts(0.25), motor_counts(-1e-9)), (2_607, -1));
+    assert_eq!((output_counts(0.25), output_counts(-1e-9)), (795, -1));
     let sample = Sample {
         i_a_ma: 1_500,
         i_b_ma: -250,
@@ -33,6 +37,14 @@ fn quantities_are_those_of_their_units() {
         [1.5, -0.25, 0.007].map(f64::to_bits)
     );
     assert_eq!((sample.setpoint_rad_s(), sample.setpoint_rad()), (Some(-2.5), None));
+    let of_position = Sample {
+        mode: Mode::Position,
+        ..sample
+    };
+    assert_eq!(
+        (of_position.setpoint_rad_s(), of_position.setpoint_rad()),
+        (None, Some(-0.0025))
+    );
 }
 
 /// 64 bytes: slow 17 + 1 + 13 bits, fast 5 + 512 + 51 + 32.

@@ -52,6 +52,24 @@ fn a_damage_at_the_edge_of_the_hysteresis_keeps_its_state() {
 }
 
 #[test]
+fn what_is_held_may_worsen_and_improves_only_when_released() {
+    let mut health = health(1);
+    let after = |health: &mut Health, damage: f64| health.update(0, Some(&friction(damage))).state;
+    assert_eq!(after(&mut health, 0.0), HealthState::Nominal);
+    // Of a healthy fault nothing is held.
+    health.hold();
+    assert_eq!(after(&mut health, 0.2), HealthState::Watch);
+    assert_eq!(after(&mut health, 0.0), HealthState::Nominal);
+    assert_eq!(after(&mut health, 0.4), HealthState::Warning);
+    health.hold();
+    assert_eq!(after(&mut health, 0.0), HealthState::Warning);
+    assert_eq!(after(&mut health, 0.9), HealthState::Critical);
+    assert_eq!(after(&mut health, 0.0), HealthState::Warning);
+    health.release();
+    assert_eq!(after(&mut health, 0.0), HealthState::Nominal);
+}
+
+#[test]
 fn an_eccentricity_needs_more_sigmas_than_others() {
     for fault in FaultId::ALL {
         let expected = if fault == FaultId::Eccentricity { 3.44 } else { 3.0 };

@@ -310,4 +310,41 @@ mod tests {
         assert!((normal_cdf(1.959_964) - 0.975).abs() < 1e-6);
         assert!((normal_cdf(0.0) - 0.5).abs() < 1e-15);
     }
+
+    #[test]
+    fn a_damage_to_come_is_the_quantile_of_all_laws() {
+        let hourly = Law {
+            slope: 1e-3,
+            ..Law::new(Clock::Hours, 0.0, 0.2, 1e-4, 1e-5)
+        };
+        let by_work = Law {
+            slope: 2e-6,
+            ..Law::new(Clock::Work, 0.0, 0.3, 4e-4, 1e-7)
+        };
+        let rate = rate(2e3, 4.0, 0.0);
+        let one = Remaining::from_laws(vec![(&by_work, 1.0)], 0.8, 300.0, 10.0, rate);
+        // 50 h after 10 h without an estimate, 1.2e5 J: 0.24 more.
+        let variance = 4e-4 + (1.2e5_f64 * 1e-7).powi(2) + (GROWTH_NOISE * 0.24).powi(2) * 4.0 / 60.0;
+        for (share, z) in [(0.1, -1.281_552), (0.5, 0.0), (0.9, 1.281_552)] {
+            let (found, expected) = (one.damage_quantile(50.0, share), 0.54 + z * variance.sqrt());
+            assert!((found - expected).abs() < 1e-4, "{found} {expected}");
+        }
+        let both = Remaining::from_laws(vec![(&hourly, 0.5), (&by_work, 0.5)], 0.8, 300.0, 10.0, rate);
+        // The laws are far apart: the median of each is a quarter of both.
+        let of_hours = Remaining::from_laws(vec![(&hourly, 1.0)], 0.8, 300.0, 10.0, rate);
+        let medians = [&of_hours, &one].map(|remaining| remaining.damage_quantile(50.0, 0.5));
+        assert!((medians[0] - 0.26).abs() < 1e-4, "{medians:?}");
+        for (share, expected) in [(0.25, medians[0]), (0.75, medians[1])] {
+            let found = both.damage_quantile(50.0, share);
+            assert!((found - expected).abs() < 2e-4, "{found} {expected}");
+        }
+    }
+
+    #[test]
+    fn a_time_below_a_millionth_of_the_longest_is_now() {
+        let after = |least: f64| quantile(move |hours| f64::from(u8::from(hours >= least)), 0.5, 1e4);
+        assert_eq!(after(5e-3), Some(0.0));
+        let found = after(0.1).unwrap_or(0.0);
+        assert!((found / 0.1 - 1.0).abs() < 1e-3, "{found}");
+    }
 }

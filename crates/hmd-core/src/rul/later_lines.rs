@@ -91,3 +91,45 @@ fn fitted(estimates: &[Estimate], clock: Clock) -> Option<Law> {
         ..Law::new(clock, 0.0, damage, covariance[0], 0.0)
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::usage::Odometer;
+    use super::*;
+
+    fn estimates(damage: impl Fn(f64) -> f64) -> Vec<Estimate> {
+        let of = |n: u32| {
+            let hours = f64::from(n);
+            Estimate {
+                at: Odometer {
+                    hours,
+                    cycles: hours,
+                    work_j: 0.0,
+                },
+                damage: damage(hours),
+                variance: 1e-4,
+            }
+        };
+        (0..FITTED as u32).map(of).collect()
+    }
+
+    #[test]
+    fn lines_begin_every_so_many_estimates_where_the_newest_lie_on_one() {
+        let mut later = LaterLines::default();
+        assert!(!later.are_due(EVERY - 1) && later.are_due(EVERY));
+        later.begin(&estimates(|hours| 0.1 + 0.02 * hours), 20, -1.0);
+        // The work stands: a line over the hours alone.
+        let [line] = later.lines.as_slice() else {
+            panic!("{later:?}");
+        };
+        assert!(
+            (line.damage - 0.2).abs() < 1e-12 && (line.slope - 0.02).abs() < 1e-12,
+            "{line:?}"
+        );
+        assert!((line.log_evidence - (CHANGE.ln() - 1.0)).abs() < 1e-12, "{line:?}");
+        assert!(!later.are_due(19 + EVERY) && later.are_due(20 + EVERY));
+        later.begin(&estimates(|hours| if hours < 3.0 { 0.1 } else { 0.4 }), 28, 0.0);
+        assert_eq!(later.lines.len(), 1, "they lie on no line");
+        assert!(later.are_due(28));
+    }
+}

@@ -218,4 +218,64 @@ mod tests {
         let (p, squared) = law.observe(0.9, 1e-5);
         assert!(p < 1e-6 && squared > 100.0 && (law.damage - before).abs() < 1e-6);
     }
+
+    /// Against the noise of each step by itself.
+    #[test]
+    fn the_noise_of_an_exponential_is_that_of_its_steps() {
+        for (rate, x) in [(0.0, 40.0), (0.02, 40.0), (0.1, 30.0)] {
+            let law = Law {
+                slope: 1e-3,
+                covariance: [4e-4, 3e-6, 9e-8],
+                ..Law::new(Clock::Hours, rate, 0.1, 0.0, 0.0)
+            };
+            let step: f64 = 0.05;
+            let steps = (x / step).round() as u32;
+            let noise: f64 = (0..steps)
+                .map(|n| {
+                    let slope = 1e-3 * (rate * step * f64::from(n)).exp();
+                    (GROWTH_NOISE * slope * law.reach(step)).powi(2)
+                })
+                .sum();
+            let g = law.reach(x);
+            let (mean, variance) = law.damage_after(x, step);
+            let expected = 4e-4 + 2.0 * g * 3e-6 + g * g * 9e-8 + noise;
+            assert!((mean - (0.1 + 1e-3 * g)).abs() < 1e-12, "{mean}");
+            assert!(
+                (variance - expected).abs() < 2e-3 * noise,
+                "{rate}: {variance} {expected}"
+            );
+        }
+    }
+
+    /// As the observation of a slope of 0 whose variance leaves `1 / x²`.
+    #[test]
+    fn a_slope_is_narrowed_as_by_an_observation() {
+        let [dd, dv, vv] = [0.02, 0.03, 0.09];
+        let mut law = Law {
+            slope: 0.2,
+            covariance: [dd, dv, vv],
+            ..Law::new(Clock::Hours, 0.0, 0.3, 0.0, 0.0)
+        };
+        law.narrow_slope(10.0);
+        let left = 0.01;
+        let observed = vv * left / (vv - left);
+        let gain = [dv / (vv + observed), vv / (vv + observed)];
+        let expected = [
+            0.3 - gain[0] * 0.2,
+            0.2 - gain[1] * 0.2,
+            dd - gain[0] * dv,
+            dv - gain[1] * dv,
+            left,
+        ];
+        let found = [
+            law.damage,
+            law.slope,
+            law.covariance[0],
+            law.covariance[1],
+            law.covariance[2],
+        ];
+        for (found, expected) in found.iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-12, "{law:?}");
+        }
+    }
 }

@@ -315,4 +315,51 @@ mod tests {
         let jumped = NoTrend::Jumped { got: 4 };
         assert_eq!(reason(jumped, NoTrend::TooFew { got: 5 }), jumped);
     }
+
+    fn grown(from: f64, step: f64, estimates: u32) -> Prognosis {
+        let mut prognosis = Prognosis::new([0.8; FaultId::COUNT]);
+        for n in 0..estimates {
+            let hours = f64::from(n);
+            let at = Odometer {
+                hours,
+                cycles: 10.0 * hours,
+                work_j: 500.0 * hours,
+            };
+            let damage = from + step * hours;
+            prognosis.update(at, &std::array::from_fn(|fault| (fault == 0).then_some((damage, 1e-3))));
+        }
+        prognosis
+    }
+
+    #[test]
+    fn a_trend_has_six_estimates_and_a_growth_that_is_sure_and_no_error() {
+        let of = |prognosis: &Prognosis| prognosis.remaining(FaultId::ALL[0]).err();
+        assert_eq!(of(&grown(0.1, 0.05, 5)), Some(NoTrend::TooFew { got: 5 }));
+        let prognosis = grown(0.1, 0.05, 6);
+        assert_eq!(of(&prognosis), None);
+        // 0.35 at the end.
+        let after = prognosis.damage_after(FaultId::ALL[0], 4.0, 0.5).unwrap_or(0.0);
+        assert!((after - 0.55).abs() < 0.02, "{after}");
+        // Sure, and less than what an error may be.
+        assert_eq!(of(&grown(0.1, 2e-4, 40)), Some(NoTrend::NoGrowth));
+        assert_eq!(of(&grown(0.1, 4e-4, 40)), None);
+    }
+
+    #[test]
+    fn ends_and_quantiles_are_what_was_set() {
+        let ends = std::array::from_fn(|fault| 0.1 * fault as f64 + 0.2);
+        assert_eq!(
+            Prognosis::new(ends).end_of_life().map(f64::to_bits),
+            ends.map(f64::to_bits)
+        );
+        let other = grown(0.1, 0.05, 6).with_end_of_life(ends);
+        assert_eq!(other.end_of_life().map(f64::to_bits), ends.map(f64::to_bits));
+        let [p10, p50, p90] = [1.0, 2.0, 4.0];
+        let expected = Quantiles {
+            p10: 10.0,
+            p50: 20.0,
+            p90: 40.0,
+        };
+        assert_eq!(Quantiles { p10, p50, p90 }.scaled(10.0), expected);
+    }
 }

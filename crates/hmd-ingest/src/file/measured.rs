@@ -1,6 +1,5 @@
 //! Logs of measured signals among the logs.
 
-use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::sync::Arc;
@@ -8,7 +7,7 @@ use std::sync::Arc;
 use hmd_core::config::Config;
 use hmd_core::frame::{BusNames, RawFrame};
 
-use super::{Counted, IngestError, LogFormat, LogReader, START};
+use super::{Counted, IngestError, LogFormat, LogReader, START, open_waited_for};
 use crate::Loss;
 use crate::asc::is_asc;
 use crate::blf;
@@ -109,7 +108,7 @@ pub fn open_signals(path: &Path) -> Result<Box<dyn SignalLog>, IngestError> {
         file: file.clone(),
         cause,
     };
-    let opened = File::open(path).map_err(unreadable)?;
+    let opened = open_waited_for(path).map_err(unreadable)?;
     let position = Arc::default();
     let mut input = BufReader::with_capacity(START, Counted { file: opened, position });
     let start = input.fill_buf().map_err(unreadable)?;

@@ -7,6 +7,8 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::disk::{Disk, rename};
 use super::name::{NUMBER_MAX, Name, PROFILE, Stage, has_torn_start, is_segment};
@@ -37,8 +39,22 @@ pub(super) struct Found {
     pub(super) messages: Vec<(LogLevel, String)>,
     /// Cut segments that are left to [`repair_one`]; they are among the segments, too.
     pub(super) pending: Vec<Name>,
+    limits: Limits,
+}
+
+/// Up to where segments are repaired; what is not done by then is postponed.
+#[derive(Debug, Default)]
+struct Limits {
     /// What the chunks to come may expand to, where a start waits for them.
     expand_bytes_left: Option<u64>,
+    /// Set when the process ends.
+    stopped: Arc<AtomicBool>,
+}
+
+impl Limits {
+    fn is_stopped(&self) -> bool {
+        self.stopped.load(Ordering::Relaxed)
+    }
 }
 
 /// Reads every name in the folder, repairs cut segments, and touches nothing else.
@@ -46,7 +62,10 @@ pub(super) struct Found {
 /// # Errors
 /// When the folder cannot be listed.
 pub(super) fn repair_folder(folder: &Path, disk: &dyn Disk) -> io::Result<Found> {
-    let mut found = Found::within(Some(AT_START_EXPANDED_MAX));
+    let mut found = Found::within(Limits {
+        expand_bytes_left: Some(AT_START_EXPANDED_MAX),
+        ..Limits::default()
+    });
     let (mut ours, mut others) = (Vec::new(), Vec::new());
     for entry in fs::read_dir(folder)? {
         let entry = entry?;
@@ -78,7 +97,7 @@ pub(super) fn repair_folder(folder: &Path, disk: &dyn Disk) -> io::Result<Found>
         found.remove(folder, name, disk);
     }
     for name in at(Stage::Open) {
-        if found.expand_bytes_left != Some(0) && size_of(folder, name) <= AT_START_BYTES_MAX {
+        if found.limits.expand_bytes_left != Some(0) && size_of(folder, name) <= AT_START_BYTES_MAX {
             found.mend(folder, name, disk);
         } else {
             found.postpone(folder, name);
@@ -96,9 +115,12 @@ pub(super) fn repair_folder(folder: &Path, disk: &dyn Disk) -> io::Result<Found>
     Ok(found)
 }
 
-/// Repairs one cut segment that [`repair_folder`] left.
-pub(super) fn repair_one(folder: &Path, name: Name, disk: &dyn Disk) -> Found {
-    let mut found = Found::within(None);
+/// Repairs one cut segment that [`repair_folder`] left; it is still pending where `stopped` came meanwhile.
+pub(super) fn repair_one(folder: &Path, name: Name, disk: &dyn Disk, stopped: &Arc<AtomicBool>) -> Found {
+    let mut found = Found::within(Limits {
+        expand_bytes_left: None,
+        stopped: stopped.clone(),
+    });
     // It may have been deleted for room meanwhile.
     if folder.join(name.to_string()).exists() {
         found.mend(folder, name, disk);
@@ -120,13 +142,13 @@ fn size_of(folder: &Path, name: Name) -> u64 {
 }
 
 impl Found {
-    fn within(expand_bytes_left: Option<u64>) -> Self {
+    fn within(limits: Limits) -> Self {
         Self {
             segments: BTreeMap::new(),
             next_number: 0,
             messages: Vec::new(),
             pending: Vec::new(),
-            expand_bytes_left,
+            limits,
         }
     }
 
@@ -183,7 +205,7 @@ impl Found {
     }
 
     fn repair(&mut self, folder: &Path, name: Name, disk: &dyn Disk) {
-        let repaired = repaired(folder, name, disk, self.expand_bytes_left);
+        let repaired = repaired(folder, name, disk, &self.limits);
         repaired.iter().for_each(|repaired| self.account(repaired));
         match repaired {
             Ok(repaired) if repaired.is_postponed => self.postpone(folder, name),
@@ -219,7 +241,7 @@ impl Found {
     }
 
     fn account(&mut self, repaired: &Repaired) {
-        if let Some(left) = &mut self.expand_bytes_left {
+        if let Some(left) = &mut self.limits.expand_bytes_left {
             let expanded = repaired.report.expanded_bytes;
             *left = if repaired.is_postponed {
                 0
@@ -231,7 +253,7 @@ impl Found {
 
     /// Does with a source that has its copy what the repair would have done.
     fn settle(&mut self, folder: &Path, name: Name, disk: &dyn Disk) {
-        let copied = copied(folder, name, io::empty(), self.expand_bytes_left);
+        let copied = copied(folder, name, io::empty(), &self.limits);
         copied.iter().for_each(|copied| self.account(copied));
         match copied {
             Ok(copied) if copied.is_postponed => self.postpone(folder, name),
@@ -296,12 +318,12 @@ struct Repaired {
 }
 
 /// Writes the intact part of a cut segment beside it and gives it the closed name, if there is any.
-fn repaired(folder: &Path, name: Name, disk: &dyn Disk, expanded_max: Option<u64>) -> Result<Repaired, RecoverError> {
+fn repaired(folder: &Path, name: Name, disk: &dyn Disk, limits: &Limits) -> Result<Repaired, RecoverError> {
     let output_error = |cause: io::Error| RecoverError::Output(cause.into());
     let copy = folder.join(name.with_stage(Stage::Repair).to_string());
     let out = disk.create(&copy).map_err(output_error)?;
     // The copy ends with a flush, which for a segment is a sync.
-    let copied = copied(folder, name, out, expanded_max);
+    let copied = copied(folder, name, out, limits);
     let is_kept = |copied: &Repaired| copied.report.messages > 0 && !copied.is_postponed;
     let kept = copied.as_ref().is_ok_and(is_kept);
     let renamed = kept.then(|| {
@@ -324,23 +346,19 @@ fn repaired(folder: &Path, name: Name, disk: &dyn Disk, expanded_max: Option<u64
 }
 
 /// Copies the intact part of a cut segment.
-fn copied<W: Write + Seek>(
-    folder: &Path,
-    name: Name,
-    out: W,
-    expanded_max: Option<u64>,
-) -> Result<Repaired, RecoverError> {
+fn copied<W: Write + Seek>(folder: &Path, name: Name, out: W, limits: &Limits) -> Result<Repaired, RecoverError> {
     let input_error = |cause| RecoverError::Input {
         file: name.to_string(),
         cause,
     };
     let mut input = open_regular(&folder.join(name.to_string())).map_err(input_error)?;
     let bytes = input.metadata().map_err(input_error)?.len();
-    let limit = expanded_max.unwrap_or(u64::MAX);
-    let (_, report) = recover_within(&input, &name.to_string(), out, PROFILE, limit)?;
+    let limit = limits.expand_bytes_left.unwrap_or(u64::MAX);
+    let is_stopped = || limits.is_stopped();
+    let (_, report) = recover_within(&input, &name.to_string(), out, PROFILE, limit, &is_stopped)?;
     let is_source_spent = is_spent(&mut input, &report).map_err(input_error)?;
     Ok(Repaired {
-        is_postponed: expanded_max.is_some() && report.is_given_up,
+        is_postponed: report.is_given_up && (limits.expand_bytes_left.is_some() || limits.is_stopped()),
         report,
         bytes,
         is_source_spent,

@@ -1,12 +1,13 @@
 //! `hmd calibrate`: one unit from healthy windows of it, or (feature `full`) the monitor against the reference.
 
 use std::collections::BTreeSet;
+use std::iter;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, bail};
 
-use super::outputs::Outputs;
+use super::outputs::{Content, Outputs};
 use super::progress::over_pieces;
 use super::recordings::{Wanted, recordings};
 use super::{Exit, Misuse, Settings, load_config_with, to_stderr, use_threads};
@@ -90,7 +91,7 @@ pub fn run_with(args: &Args, tell: &mut dyn FnMut(&str)) -> anyhow::Result<Exit>
     #[cfg(feature = "full")]
     if args.of_type.is_requested()? {
         check(
-            &[&args.output],
+            &[(&args.output, Content::Calibration)],
             read_files(&config, true).iter().chain(args.of_type.units()),
         )?;
         if !args.of_type.units().is_empty() {
@@ -108,19 +109,18 @@ pub fn run_with(args: &Args, tell: &mut dyn FnMut(&str)) -> anyhow::Result<Exit>
     #[cfg(feature = "full")]
     let report = args.report.as_deref();
     #[cfg(not(feature = "full"))]
-    let report = None;
-    let outputs: Vec<&Path> = [args.output.as_path()].into_iter().chain(report).collect();
+    let report: Option<&Path> = None;
+    let report = report.map(|path| (path, Content::Page));
+    let outputs: Vec<(&Path, Content)> = iter::once((args.output.as_path(), Content::Calibration))
+        .chain(report)
+        .collect();
     let logs = recordings(&args.logs, Wanted::Logs)?;
     check(&outputs, logs.iter().chain(&read_files(&config, false)))?;
     unit(args, &logs, config, tell)
 }
 
-fn check<'a>(outputs: &[&Path], inputs: impl Iterator<Item = &'a PathBuf>) -> Result<(), Misuse> {
-    let outputs = Outputs {
-        others: outputs,
-        ..Outputs::default()
-    };
-    outputs.check(inputs)
+fn check<'a>(outputs: &[(&Path, Content)], inputs: impl Iterator<Item = &'a PathBuf>) -> Result<(), Misuse> {
+    Outputs(outputs).check(inputs)
 }
 
 /// The files of a configuration that this calibration reads; the one that it makes may be named there already.

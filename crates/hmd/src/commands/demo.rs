@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use anyhow::Context;
 
-use super::outputs::Outputs;
+use super::outputs::{Content, Outputs};
 use super::table::{HEALTH_HEAD, health_row, left_cell};
 use super::{Exit, say_beside};
 use hmd_core::commissioning::in_words;
@@ -53,10 +53,11 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         DemoError::Write(cause) => anyhow::Error::from(cause).context(path.clone()),
         other => other.into(),
     };
-    let outputs = Outputs {
-        recordings: &[&args.output],
-        others: &[&calibration_path, &config_path],
-    };
+    let outputs = Outputs(&[
+        (&args.output, Content::Recording),
+        (&calibration_path, Content::Calibration),
+        (&config_path, Content::DemoConfiguration),
+    ]);
     outputs.check([] as [&Path; 0])?;
     let output = OutputFile::create_recording(&args.output).with_context(|| path.clone())?;
     let file = output.handle().with_context(|| path.clone())?;

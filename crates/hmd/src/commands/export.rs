@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::outputs::Outputs;
+use super::outputs::{Content, Outputs};
 use super::recordings::{Wanted, recordings};
 use super::{Exit, Losses, Misuse, to_stderr};
 use hmd_report::export::{CsvTable, Late, ParquetTable, Table, TableKind, export, metadata_path};
@@ -39,13 +39,13 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
 pub fn run_with(args: &Args, tell: &mut dyn FnMut(&str)) -> anyhow::Result<Exit> {
     let recorded = recordings(&args.files, Wanted::Records)?;
     let beside = metadata_path(&args.output);
-    let others = [args.output.as_path(), beside.as_path()];
-    let has_beside = args.output.extension().is_some_and(|extension| extension == "csv");
-    let outputs = Outputs {
-        others: if has_beside { &others } else { &others[..1] },
-        ..Outputs::default()
+    let is_csv = args.output.extension().is_some_and(|extension| extension == "csv");
+    let written: &[(&Path, Content)] = if is_csv {
+        &[(&args.output, Content::Csv), (&beside, Content::Metadata)]
+    } else {
+        &[(&args.output, Content::Parquet)]
     };
-    outputs.check(&recorded)?;
+    Outputs(written).check(&recorded)?;
     let (output, heads) = (args.output.clone(), args.table.heads());
     let extension = args.output.extension().and_then(|extension| extension.to_str());
     let table: Box<dyn Table> = match extension {

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 
-use super::outputs::Outputs;
+use super::outputs::{Content, Outputs};
 use super::{Exit, say, warn};
 use hmd_storage::mcap_writer::SyncedFile;
 use hmd_storage::output_file::OutputFile;
@@ -33,11 +33,7 @@ pub struct Args {
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let name = args.log.display().to_string();
     let input = open_regular(&args.log).with_context(|| name.clone())?;
-    let outputs = Outputs {
-        recordings: &[&args.output],
-        ..Outputs::default()
-    };
-    outputs.check([&args.log])?;
+    Outputs(&[(&args.output, Content::Recording)]).check([&args.log])?;
     let path = args.output.display().to_string();
     let output = OutputFile::create(&args.output).with_context(|| path.clone())?;
     let out = SyncedFile::new(output.handle().with_context(|| path.clone())?);

@@ -8,7 +8,7 @@ use std::time::Instant;
 use indicatif::ProgressBar;
 use serde::Serialize;
 
-use super::outputs::Outputs;
+use super::outputs::{Content, Outputs};
 use super::recordings::{Wanted, recordings};
 use super::serve::{Serve, Viewers};
 use super::table::{HEALTH_HEAD, health_row};
@@ -108,13 +108,9 @@ pub fn check_output(output: &Path, logs: &[PathBuf], config: &Config) -> anyhow:
         ))
         .into());
     }
-    let outputs = Outputs {
-        recordings: &[output],
-        ..Outputs::default()
-    };
     let learnt = config.actuators().iter();
     let learnt = learnt.filter_map(|actuator| config.learnt_file(actuator));
-    outputs.check(logs.iter().cloned().chain(config.files()).chain(learnt))?;
+    Outputs(&[(output, Content::Recording)]).check(logs.iter().cloned().chain(config.files()).chain(learnt))?;
     Ok(())
 }
 

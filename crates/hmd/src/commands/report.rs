@@ -1,10 +1,11 @@
 //! `hmd report`: one page about one actuator or several.
 
+use std::iter;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 
-use super::outputs::Outputs;
+use super::outputs::{Content, Outputs};
 use super::recordings::{Wanted, recordings};
 use super::{Exit, Losses, Misuse, load_config, to_stderr};
 use ema_models::FaultId;
@@ -55,13 +56,10 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
 /// As [`run`].
 pub fn run_with(args: &Args, tell: &mut dyn FnMut(&str)) -> anyhow::Result<Exit> {
     let recorded = recordings(&args.files, Wanted::Records)?;
-    let written: Vec<&Path> = [args.output.as_path()].into_iter().chain(args.pdf.as_deref()).collect();
-    let outputs = Outputs {
-        others: &written,
-        ..Outputs::default()
-    };
+    let pdf = args.pdf.as_deref().map(|path| (path, Content::Pdf));
+    let written: Vec<(&Path, Content)> = iter::once((args.output.as_path(), Content::Page)).chain(pdf).collect();
     let config = load_config(args.config.as_deref())?;
-    outputs.check(recorded.iter().chain(&config.files()))?;
+    Outputs(&written).check(recorded.iter().chain(&config.files()))?;
     for (option, path, extension) in [
         ("--output", Some(&args.output), "html"),
         ("--pdf", args.pdf.as_ref(), "pdf"),

@@ -14,7 +14,7 @@ use anyhow::Context;
 use super::journal::Journal;
 use super::live::{STALLED, Signals, is_writable, report, tell};
 use super::metrics_http::{self, Page, loopback};
-use super::outputs::Outputs;
+use super::outputs::{Content, Outputs};
 use super::requests::Request;
 use super::serve::{Serve, Viewers};
 use super::table::{HEALTH_HEAD, health_row};
@@ -33,7 +33,7 @@ use hmd_ingest::serial::SerialSource;
 use hmd_storage::calibration_file::{check_learn_folders, hash_of_models_of_run};
 use hmd_storage::config_file;
 use hmd_storage::history_file;
-use hmd_storage::metrics_file::{may_replace, write_textfile};
+use hmd_storage::metrics_file::write_textfile;
 use hmd_storage::printable;
 use hmd_storage::recorder::{RecordError, Recorder, is_folder, metadata};
 use hmd_storage::segment_store::is_segment_name;
@@ -146,14 +146,13 @@ fn check_outputs(args: &Args, config: &Config) -> Result<(), Misuse> {
         .actuators()
         .iter()
         .filter_map(|actuator| config.learnt_file(actuator));
-    let outputs = Outputs {
-        recordings: &files.into_iter().collect::<Vec<_>>(),
-        others: &args.metrics.as_deref().into_iter().collect::<Vec<_>>(),
-    };
-    outputs.check(config.files().into_iter().chain(learnt))?;
+    let files = files.map(|path| (path, Content::Recording));
+    let metrics = args.metrics.as_deref().map(|path| (path, Content::Metrics));
+    let outputs: Vec<(&Path, Content)> = files.into_iter().chain(metrics).collect();
+    Outputs(&outputs).check(config.files().into_iter().chain(learnt))?;
     let Some(metrics) = &args.metrics else { return Ok(()) };
     let name = metrics.file_name().and_then(|name| name.to_str());
-    if name.is_some_and(is_segment_name) || !may_replace(metrics) {
+    if name.is_some_and(is_segment_name) {
         return Err(Misuse(format!(
             "--metrics: expected a file of metrics, or none yet, found {}",
             metrics.display()

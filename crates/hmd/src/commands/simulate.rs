@@ -9,7 +9,7 @@ use ema_wire::ActuatorId;
 use ema_wire::bus_load::bus_load;
 
 use super::instant::instant;
-use super::outputs::Outputs;
+use super::outputs::{Content, Outputs};
 use super::{Exit, Misuse, load_config, say, unknown_type};
 use hmd_core::config::LOAD_MAX;
 use hmd_core::drive_bus::Preset;
@@ -117,10 +117,9 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let (Some(output), false) = (&args.output, args.list_effects) else {
         return list_effects(&params);
     };
-    let outputs = Outputs {
-        recordings: &[output],
-        others: &[&recording::truth_path(output)],
-    };
+    let is_mcap = output.extension().is_some_and(|extension| extension == "mcap");
+    let content = if is_mcap { Content::Recording } else { Content::Candump };
+    let outputs = Outputs(&[(output, content), (&recording::truth_path(output), Content::Truth)]);
     outputs.check(config.files().iter().chain(&args.effects))?;
     if let Some(rate) = args.rate {
         params.sensors.sample_rate = rate;

@@ -42,12 +42,13 @@ fn a_link_at_the_place_of_a_sidecar_leads_nowhere() {
     refused_and_kept(&folder, 2, "simulate --rate 400 -o c.log");
     symlink("other.mcap", folder.path("d.mcap.toml")).unwrap();
     refused_and_kept(&folder, 2, "demo -o d.mcap");
-    // A file that is no recording and not read: its link is replaced, the file stays.
     symlink("actuation.log", folder.path("e.csv.metadata.json")).unwrap();
-    refused_and_kept(&folder, 0, "export flight.mcap -o e.csv");
-    assert!(folder.read("e.csv.metadata.json").starts_with(b"{"));
-    symlink("actuation.log", folder.path("f.log.truth.jsonl")).unwrap();
-    refused_and_kept(&folder, 0, "simulate --rate 400 -o f.log");
+    refused_and_kept(&folder, 2, "export flight.mcap -o e.csv");
+    // A file of the same content: its link is replaced, the file stays.
+    folder.write("old.json", "{}");
+    symlink("old.json", folder.path("f.csv.metadata.json")).unwrap();
+    refused_and_kept(&folder, 0, "export flight.mcap -o f.csv");
+    assert!(folder.read("old.json") == b"{}" && folder.read("f.csv.metadata.json").len() > 2);
 }
 
 #[test]
@@ -66,6 +67,58 @@ fn a_recording_is_replaced_by_no_other_kind_of_file() {
         "run -c hmd.toml -o out/ --metrics out/hmd-00000001-raw.mcap",
     );
     refused_and_kept(&folder, 2, "run -c hmd.toml -o events.jsonl");
+}
+
+#[test]
+fn a_file_is_replaced_by_its_own_kind_alone() {
+    let folder = recorded();
+    folder.write("notes.txt", "what I saw");
+    folder.write("notes.toml", "[own]\n");
+    folder.write("notes.csv", "t,I_A\n0,1\n");
+    folder.write("notes.parquet", "PAR1 somebody else's PAR1");
+    folder.write("demo.mcap.toml", "[[actuator]]\nid = 1\n");
+    folder.write("notes.mcap", "no recording");
+    let own = [
+        "notes.txt",
+        "notes.toml",
+        "notes.csv",
+        "notes.parquet",
+        "demo.mcap.toml",
+        "notes.mcap",
+    ];
+    let before = own.map(|name| folder.read(name));
+    for line in [
+        "recover flight.mcap -o hmd.toml",
+        "recover flight.mcap -o actuation.log",
+        "replay actuation.log -o notes.mcap",
+        "calibrate flight.mcap -o actuation.log",
+        "calibrate flight.mcap -o notes.toml",
+        "calibrate flight.mcap -o new.toml --report actuation.log",
+        "calibrate --type -o notes.toml",
+        "demo -o actuation.log",
+        "demo -o demo.mcap",
+        "demo -o hmd",
+        "simulate --rate 400 -o notes.mcap",
+        "export flight.mcap -o notes.csv",
+        "export flight.mcap -o notes.parquet",
+        "report flight.mcap -o notes.txt",
+        "run -c hmd.toml -o notes.txt",
+    ] {
+        refused_and_kept(&folder, 2, line);
+        for (name, content) in own.iter().zip(&before) {
+            assert!(folder.read(name) == *content, "hmd {line}: {name} was changed");
+        }
+    }
+    for line in [
+        "export flight.mcap -o again.csv",
+        "export flight.mcap -o again.parquet",
+        "report flight.mcap -o again.html",
+        "simulate --rate 400 -o again.log",
+        "simulate --rate 400 -o again.mcap",
+    ] {
+        folder.done(line);
+        folder.done(line);
+    }
 }
 
 #[test]
@@ -119,8 +172,8 @@ fn an_event_that_cannot_be_noted_is_no_bad_configuration() {
 #[test]
 fn an_output_that_cannot_be_finished_leaves_the_old_file() {
     let folder = recorded();
-    folder.write("page.html", "the old page");
-    folder.write("table.csv", "the old table");
+    folder.write("page.html", "<!DOCTYPE html>the old page");
+    folder.write("table.csv", "t_ns,actuator,the old table");
     folder.write("copy.mcap", folder.read("flight.mcap"));
     folder.write("text.mcap", "no recording at all");
     let names = || {

@@ -28,7 +28,10 @@ fn names(folder: &tempfile::TempDir) -> Vec<String> {
 }
 
 fn mend(folder: &tempfile::TempDir, limit: Option<u64>) -> Found {
-    let mut found = Found::within(limit);
+    let mut found = Found::within(Limits {
+        expand_bytes_left: limit,
+        ..Limits::default()
+    });
     found.mend(folder.path(), NAME, &RealDisk);
     found
 }
@@ -39,7 +42,7 @@ fn a_repair_beyond_the_limit_is_postponed_and_leaves_no_copy() {
     let before = fs::read(folder.path().join(NAME.to_string())).unwrap();
     let found = mend(&folder, Some(1000));
     assert_eq!(
-        (found.pending.as_slice(), found.expand_bytes_left),
+        (found.pending.as_slice(), found.limits.expand_bytes_left),
         (&[NAME][..], Some(0))
     );
     assert_eq!(found.segments, BTreeMap::from([(NAME, before.len() as u64)]));
@@ -52,7 +55,7 @@ fn a_repair_beyond_the_limit_is_postponed_and_leaves_no_copy() {
 fn each_repair_takes_what_it_expanded_from_what_the_next_ones_may() {
     let limit = 10 << 20;
     let folder = folder();
-    let left = mend(&folder, Some(limit)).expand_bytes_left.unwrap();
+    let left = mend(&folder, Some(limit)).limits.expand_bytes_left.unwrap();
     // 2000 frames with eight bytes of data.
     let expanded = limit - left;
     assert!((16_000..200_000).contains(&expanded), "{expanded} bytes");
@@ -61,12 +64,16 @@ fn each_repair_takes_what_it_expanded_from_what_the_next_ones_may() {
     for (limit, pending) in [(expanded, 0), (expanded - 1, 1)] {
         let found = mend(&self::folder(), Some(limit));
         assert_eq!(
-            (found.pending.len(), found.expand_bytes_left),
+            (found.pending.len(), found.limits.expand_bytes_left),
             (pending, Some(0)),
             "{limit}"
         );
     }
-    assert_eq!(mend(&self::folder(), None).expand_bytes_left, None, "without a limit");
+    assert_eq!(
+        mend(&self::folder(), None).limits.expand_bytes_left,
+        None,
+        "without a limit"
+    );
 }
 
 #[test]
@@ -76,12 +83,12 @@ fn a_source_whose_copy_is_there_waits_for_the_background_too() {
     fs::write(folder.path().join(closed), cut_segment()).unwrap();
     let found = mend(&folder, Some(1000));
     assert_eq!(
-        (found.pending.as_slice(), found.expand_bytes_left),
+        (found.pending.as_slice(), found.limits.expand_bytes_left),
         (&[NAME][..], Some(0))
     );
     assert_eq!(names(&folder), ["hmd-00000007-raw.mcap", "hmd-00000007-raw.mcap.part"]);
     let found = mend(&folder, Some(1 << 20));
-    assert!(found.pending.is_empty() && found.expand_bytes_left.is_some_and(|left| left < 1 << 20));
+    assert!(found.pending.is_empty() && found.limits.expand_bytes_left.is_some_and(|left| left < 1 << 20));
     assert_eq!(names(&folder), ["hmd-00000007-raw.mcap"]);
 }
 
@@ -121,7 +128,7 @@ impl Disk for FailingDisk {
 fn a_copy_whose_name_is_not_safe_yet_is_counted_and_its_source_stays() {
     for removes in [true, false] {
         let folder = folder();
-        let mut found = Found::within(None);
+        let mut found = Found::within(Limits::default());
         found.mend(folder.path(), NAME, &FailingDisk { syncs: false, removes });
         assert_eq!(names(&folder), ["hmd-00000007-raw.mcap", "hmd-00000007-raw.mcap.part"]);
         let counted: Vec<Name> = found.segments.into_keys().collect();
@@ -136,7 +143,7 @@ fn a_copy_whose_name_is_not_safe_yet_is_counted_and_its_source_stays() {
 #[test]
 fn a_source_that_cannot_be_removed_is_told_and_not_counted_beside_its_copy() {
     let folder = folder();
-    let mut found = Found::within(None);
+    let mut found = Found::within(Limits::default());
     let disk = FailingDisk {
         syncs: true,
         removes: false,
@@ -155,7 +162,7 @@ fn a_damaged_source_stays_where_the_name_to_keep_it_under_is_in_use() {
     let folder = folder();
     let aside = folder.path().join(NAME.with_stage(Stage::Damaged).to_string());
     fs::write(&aside, "a letter").unwrap();
-    let mut found = Found::within(None);
+    let mut found = Found::within(Limits::default());
     found.dispose(folder.path(), NAME, false, &RealDisk);
     let (level, told) = found.messages.last().unwrap();
     assert!(*level == LogLevel::Error && told.ends_with("it stays"), "{told}");
@@ -166,7 +173,7 @@ fn a_damaged_source_stays_where_the_name_to_keep_it_under_is_in_use() {
 #[test]
 fn a_folder_that_goes_while_it_is_repaired_is_told() {
     let folder = tempfile::tempdir().unwrap();
-    let found = repair_one(&folder.path().join("gone"), NAME, &RealDisk);
+    let found = repair_one(&folder.path().join("gone"), NAME, &RealDisk, &Arc::default());
     let (_, told) = found.messages.last().unwrap();
     assert!(told.contains("damaged segments cannot be listed"), "{told}");
 }
@@ -174,13 +181,13 @@ fn a_folder_that_goes_while_it_is_repaired_is_told() {
 #[test]
 fn a_source_that_was_deleted_for_room_meanwhile_is_no_failure() {
     let folder = tempfile::tempdir().unwrap();
-    let found = repair_one(folder.path(), NAME, &RealDisk);
+    let found = repair_one(folder.path(), NAME, &RealDisk, &Arc::default());
     assert!(
         found.segments.is_empty() && found.messages.is_empty(),
         "{:?}",
         found.messages
     );
-    let mut found = Found::within(None);
+    let mut found = Found::within(Limits::default());
     for is_spent in [false, true] {
         found.dispose(folder.path(), NAME, is_spent, &RealDisk);
     }
@@ -193,7 +200,7 @@ fn a_source_is_spent_when_it_lost_its_torn_end_alone() {
     let spent = |bytes: &[u8]| {
         let folder = tempfile::tempdir().unwrap();
         fs::write(folder.path().join(place), bytes).unwrap();
-        let copied = copied(folder.path(), NAME, io::empty(), None).unwrap();
+        let copied = copied(folder.path(), NAME, io::empty(), &Limits::default()).unwrap();
         copied.is_source_spent
     };
     let chunks = chunks(&file);

@@ -10,6 +10,7 @@ mod csv;
 mod ended_once;
 mod frames;
 mod log;
+mod pages;
 mod parquet;
 mod resampled;
 

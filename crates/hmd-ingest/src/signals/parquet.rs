@@ -12,13 +12,14 @@ use std::panic::{self, AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Once};
 
 use parquet::basic::{ConvertedType, LogicalType, TimeUnit, Type};
-use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
+use parquet::column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader};
 use parquet::data_type::{ByteArray, DataType, Int96};
 use parquet::file::reader::{ChunkReader, FileReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
 use super::ended_once::EndedOnce;
 use super::log::{Between, SignalInfo, SignalLog, TextValue, Unusable, name_and_unit};
+use super::pages::CheckedPages;
 use crate::damage::{Damage, Place};
 
 /// First bytes of such a file.
@@ -143,10 +144,11 @@ impl<R: ChunkReader + 'static> ParquetLog<R> {
                 let group = self.reader.get_row_group(number).map_err(|error| one_line(&error))?;
                 let schema = self.reader.metadata().file_metadata().schema_descr();
                 for &column in &self.selected {
-                    let reader = group.get_column_reader(column).map_err(|error| one_line(&error))?;
+                    let pages = group.get_column_page_reader(column).map_err(|error| one_line(&error))?;
+                    let pages = CheckedPages::new(pages, self.length.saturating_mul(ROWS_PER_BYTE));
                     let about = schema.column(column);
                     self.cells.push(Cells {
-                        reader,
+                        reader: get_column_reader(about.clone(), Box::new(pages)),
                         is_required: about.max_def_level() == 0,
                         is_unsigned: is_unsigned(&about),
                         decimals: decimals(&about),

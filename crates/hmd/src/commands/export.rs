@@ -1,6 +1,6 @@
 //! `hmd export`: recorded files as a table.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::outputs::{Content, Outputs};
 use super::recordings::{Wanted, recordings};

@@ -123,8 +123,8 @@ pub fn open_mapped(path: &Path, names: BusNames, config: &Config) -> Result<Fram
     open_for(path, names, Some(config))
 }
 
-/// Opens a log, or the pipe of a shell. One that has a name would wait for a writer, who may never come.
-fn open_waited_for(path: &Path) -> io::Result<File> {
+/// Opens a file, or the pipe of a shell. A named pipe is refused: opening it waits for a writer, who may never come.
+fn open_log(path: &Path) -> io::Result<File> {
     let is_pipe = std::fs::metadata(path).is_ok_and(|about| about.file_type().is_fifo());
     if is_pipe && std::fs::canonicalize(path).is_ok() {
         let what = "expected a regular file, found a named pipe";
@@ -139,7 +139,7 @@ fn open_for(path: &Path, names: BusNames, config: Option<&Config>) -> Result<Fra
         file: file.clone(),
         cause,
     };
-    let input = open_waited_for(&current_path(path)).map_err(unreadable)?;
+    let input = open_log(&current_path(path)).map_err(unreadable)?;
     let about = input.metadata().map_err(unreadable)?;
     if about.is_dir() {
         return Err(IngestError::Directory { file });

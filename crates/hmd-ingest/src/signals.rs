@@ -7,11 +7,13 @@
 
 mod course;
 mod csv;
+mod decoder_panics;
 mod ended_once;
 mod frames;
 mod log;
-mod pages;
 mod parquet;
+mod parquet_columns;
+mod parquet_pages;
 mod resampled;
 
 pub use self::parquet::{MAGIC as PARQUET_MAGIC, ParquetLog};

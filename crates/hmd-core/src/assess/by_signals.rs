@@ -6,7 +6,7 @@ use crate::outbox::WindowJob;
 use crate::outliers::grants_runs;
 use crate::sensor_checks::rivals::{ALIKE, BETTER, Verdict, accuses_all_phases_alike, compare, is_doubtful};
 use crate::sensor_checks::{
-    Correction, Finding, Suspect, current_unit, examine, offset_by_torque, sensor_readings, setpoint_time,
+    Correction, Finding, Suspect, Suspicion, current_unit, examine, offset_by_torque, sensor_readings, setpoint_time,
 };
 use crate::sensor_health::offset_since;
 use crate::window::{Defect, Degradation, Invalidity, Signal, WindowQuality};
@@ -178,15 +178,20 @@ impl Assessor {
             .widened(CORRECTED_FACTOR)
     }
 
-    /// With a reason where a winding is accused and the order of the phases was corrected: angles of the wrong sign or from another zero look
-    /// the same, and leave the phases in the order in which they were logged.
+    /// With a reason where a winding is accused and another mistake, which looks like the corrected one, puts its short into another phase: two
+    /// phases exchanged or the angle of the other sign, all phases in another order or the angle from another zero.
     fn open_phase_beside_order(&self, mut assessed: Assessed, findings: &[Finding]) -> Assessed {
-        let mut suspicions = findings.iter().flat_map(|finding| &finding.suspicions);
-        let is_order = suspicions.any(|suspicion| suspicion.suspect == Suspect::PhaseOrder);
-        let damage = |short: &FaultId| assessed.estimate.fault.damage_of(*short);
+        let is_accused = |short: FaultId| assessed.estimate.fault.damage_of(short) >= self.watch_level();
+        let is_order = |suspicion: &Suspicion| suspicion.suspect == Suspect::PhaseOrder;
+        let is_open = |phase: usize| {
+            findings.iter().any(|finding| match finding.correction {
+                Some(Correction::Swap(one, other)) => [one, other].contains(&phase),
+                _ => finding.suspicions.iter().any(is_order),
+            })
+        };
         let shorts = [FaultId::ShortA, FaultId::ShortB, FaultId::ShortC];
-        if is_order && shorts.iter().map(damage).any(|damage| damage >= self.watch_level()) {
-            assessed.reasons.push(PHASE_BY_ORDER.to_owned());
+        if (0..3).any(|phase| is_accused(shorts[phase]) && is_open(phase)) {
+            assessed.reasons.push(PHASE_BY_MISTAKE.to_owned());
         }
         assessed
     }
@@ -298,8 +303,8 @@ const GAIN_OR_SCALE: &str =
     "the scale of output angle and set point, both, would show so, too: controller gain is not observable";
 
 /// Why the phase of a short is open beside another order of the phases.
-const PHASE_BY_ORDER: &str = "which winding is shorted depends on the mistake: were the angles logged with the wrong sign or from another zero \
-                              instead, it is another one";
+const PHASE_BY_MISTAKE: &str =
+    "the phase of the short depends on what is wrong: the order of the phases, or sign or zero of the motor angle";
 
 /// Factor on every sigma of a window from which a mistake was taken out: how large it was is itself an estimate.
 pub(super) const CORRECTED_FACTOR: f64 = 2.0;

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use hmd_core::config::Config;
 use hmd_core::frame::{BusNames, RawFrame};
 
-use super::{Counted, IngestError, LogFormat, LogReader, START, open_waited_for};
+use super::{Counted, IngestError, LogFormat, LogReader, START, open_log};
 use crate::Loss;
 use crate::asc::is_asc;
 use crate::blf;
@@ -108,7 +108,7 @@ pub fn open_signals(path: &Path) -> Result<Box<dyn SignalLog>, IngestError> {
         file: file.clone(),
         cause,
     };
-    let opened = open_waited_for(path).map_err(unreadable)?;
+    let opened = open_log(path).map_err(unreadable)?;
     let position = Arc::default();
     let mut input = BufReader::with_capacity(START, Counted { file: opened, position });
     let start = input.fill_buf().map_err(unreadable)?;

@@ -6,20 +6,18 @@
 //! than a file of its size can hold. The crate that decodes panics at some damaged files: such a group of rows is lost like any other
 //! that is damaged.
 
-use std::cell;
 use std::fmt;
-use std::panic::{self, AssertUnwindSafe, catch_unwind};
-use std::sync::{Arc, Once};
+use std::sync::Arc;
 
-use parquet::basic::{ConvertedType, LogicalType, TimeUnit, Type};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader};
 use parquet::data_type::{ByteArray, DataType, Int96};
 use parquet::file::reader::{ChunkReader, FileReader, SerializedFileReader};
-use parquet::schema::types::ColumnDescriptor;
 
+use super::decoder_panics::guarded;
 use super::ended_once::EndedOnce;
-use super::log::{Between, SignalInfo, SignalLog, TextValue, Unusable, name_and_unit};
-use super::pages::CheckedPages;
+use super::log::{Between, SignalInfo, SignalLog, TextValue, Unusable};
+use super::parquet_columns::{decimals, info, is_plain, is_unsigned};
+use super::parquet_pages::CheckedPages;
 use crate::damage::{Damage, Place};
 
 /// First bytes of such a file.
@@ -313,81 +311,6 @@ fn int96_us(stamp: &Int96) -> f64 {
     (f64::from(day) - DAY_OF_1970) * DAY_US + of_day_ns as f64 / 1e3
 }
 
-/// Whether a column has one number or text in each row, or none.
-fn is_plain(column: &ColumnDescriptor) -> bool {
-    let is_known = match column.physical_type() {
-        Type::FIXED_LEN_BYTE_ARRAY => false,
-        Type::BYTE_ARRAY => !is_decimal(column),
-        _ => true,
-    };
-    column.max_rep_level() == 0 && column.max_def_level() <= 1 && is_known
-}
-
-// Older writers say by the converted type alone what newer ones say by both.
-
-fn is_decimal(column: &ColumnDescriptor) -> bool {
-    let is_logical = matches!(column.logical_type_ref(), Some(LogicalType::Decimal(_)));
-    is_logical || column.converted_type() == ConvertedType::DECIMAL
-}
-
-fn decimals(column: &ColumnDescriptor) -> i32 {
-    match column.logical_type_ref() {
-        Some(LogicalType::Decimal(decimal)) => decimal.scale,
-        _ if is_decimal(column) => column.type_scale(),
-        _ => 0,
-    }
-}
-
-fn is_unsigned(column: &ColumnDescriptor) -> bool {
-    use ConvertedType::{UINT_8, UINT_16, UINT_32, UINT_64};
-    let is_logical = matches!(column.logical_type_ref(), Some(LogicalType::Integer(number)) if !number.is_signed);
-    is_logical || matches!(column.converted_type(), UINT_8 | UINT_16 | UINT_32 | UINT_64)
-}
-
-fn info(column: &ColumnDescriptor) -> SignalInfo {
-    let named = name_and_unit(column.path().string().as_str());
-    let unit = match (column.logical_type_ref(), column.converted_type()) {
-        (Some(LogicalType::Timestamp(stamp)), _) => match stamp.unit {
-            TimeUnit::MILLIS => "ms",
-            TimeUnit::MICROS => "us",
-            TimeUnit::NANOS => "ns",
-        },
-        (_, ConvertedType::TIMESTAMP_MILLIS) => "ms",
-        (_, ConvertedType::TIMESTAMP_MICROS) => "us",
-        _ if column.physical_type() == Type::INT96 => "us",
-        _ => return named,
-    };
-    SignalInfo {
-        unit: Some(unit.to_owned()),
-        ..named
-    }
-}
-
-thread_local! {
-    /// Whether a panic of this thread is a decoder's that gave up: it is reported as damage of the file, not by itself.
-    static IS_DECODING: cell::Cell<bool> = const { cell::Cell::new(false) };
-}
-
-/// Lets the hook for panics that is there hear of all but those of decoders.
-static HOOK: Once = Once::new();
-
-/// What a decoder finds, or that it gave up.
-fn guarded<T>(decode: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
-    HOOK.call_once(|| {
-        let others = panic::take_hook();
-        panic::set_hook(Box::new(move |about| {
-            if !IS_DECODING.get() {
-                others(about);
-            }
-        }));
-    });
-    let was_decoding = IS_DECODING.replace(true);
-    // What it was at is dropped, or never used again.
-    let found = catch_unwind(AssertUnwindSafe(decode));
-    IS_DECODING.set(was_decoding);
-    found.unwrap_or_else(|_| Err("damage that its decoder gave up at".to_owned()))
-}
-
 fn one_line(error: &dyn fmt::Display) -> String {
     error.to_string().lines().collect::<Vec<_>>().join(" ")
 }
@@ -402,7 +325,7 @@ impl<R: ChunkReader + 'static> fmt::Debug for ParquetLog<R> {
 
 #[cfg(test)]
 mod tests {
-    use parquet::basic::Repetition;
+    use parquet::basic::{ConvertedType, Repetition, Type};
     use parquet::column::writer::ColumnWriter;
     use parquet::file::properties::WriterProperties;
     use parquet::file::writer::SerializedFileWriter;
@@ -500,14 +423,5 @@ mod tests {
         let log = ParquetLog::new(file, "a.parquet").expect("a table");
         assert!(log.signals().is_empty());
         assert_eq!(log.not_read(), ["x"]);
-    }
-
-    #[test]
-    fn a_decoder_that_gives_up_is_damage_and_the_next_panic_is_told_again() {
-        let found: Result<(), String> = guarded(|| panic!("a decoder"));
-        assert_eq!(found, Err("damage that its decoder gave up at".to_owned()));
-        assert!(!IS_DECODING.get());
-        let nested = guarded(|| guarded(|| Ok(1)).map(|one| (one, IS_DECODING.get())));
-        assert_eq!(nested, Ok((1, true)));
     }
 }

@@ -110,8 +110,10 @@ impl Outputs<'_> {
         for (output, content) in self.0 {
             // What cannot be read is left as it is, too.
             if !content.may_replace(output).unwrap_or(false) {
-                let (what, _) = content.described();
-                return Err(refusal(&format!("{what}, or no file yet"), output));
+                let ((what, _), output) = (content.described(), output.display());
+                return Err(Misuse(format!(
+                    "{output}: expected {what} or no file yet, found a file with other content"
+                )));
             }
         }
         Ok(())

@@ -117,8 +117,14 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let (Some(output), false) = (&args.output, args.list_effects) else {
         return list_effects(&params);
     };
-    let is_mcap = output.extension().is_some_and(|extension| extension == "mcap");
-    let content = if is_mcap { Content::Recording } else { Content::Candump };
+    let Some(format) = RecordingFormat::of(output) else {
+        let found = output.display();
+        return Err(Misuse(format!("{found}: expected a name that ends in .mcap or .log")).into());
+    };
+    let content = match format {
+        RecordingFormat::Mcap => Content::Recording,
+        RecordingFormat::Candump => Content::Candump,
+    };
     let outputs = Outputs(&[(output, content), (&recording::truth_path(output), Content::Truth)]);
     outputs.check(config.files().iter().chain(&args.effects))?;
     if let Some(rate) = args.rate {
@@ -155,10 +161,6 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
             length: 0.5,
         },
         ..Scenario::new(params, fault_vector(args)?, args.seed)
-    };
-    let Some(format) = RecordingFormat::of(output) else {
-        let found = output.display();
-        return Err(Misuse(format!("{found}: expected a name that ends in .mcap or .log")).into());
     };
     let drive_of_type = Drive::of_type(&found.drive);
     let sender = match args.preset {

@@ -89,10 +89,12 @@ pub(crate) fn other_frames(status: &Status, talkers: impl Iterator<Item = Talker
     };
     let interfaces: Vec<&str> = status.interfaces.iter().map(|on| on.interface.as_str()).collect();
     let talkers: BTreeSet<Talker> = talkers.collect();
-    let of: Vec<String> = talkers.iter().take(NAMED_MAX).map(ToString::to_string).collect();
-    let of = match (of.is_empty(), talkers.len() > NAMED_MAX) {
-        (true, _) => String::new(),
-        (false, is_more) => format!(" of {}{}", of.join(", "), if is_more { " and others" } else { "" }),
+    let named: Vec<String> = talkers.iter().take(NAMED_MAX).map(ToString::to_string).collect();
+    let more = if talkers.len() > NAMED_MAX { " and others" } else { "" };
+    let of = if named.is_empty() {
+        String::new()
+    } else {
+        format!(" of {}{more}", named.join(", "))
     };
     format!("{found}{of} on {}", interfaces.join(", "))
 }

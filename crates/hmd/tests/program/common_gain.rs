@@ -2,14 +2,6 @@
 
 use crate::folder::Folder;
 
-/// Lines of a replay.
-fn lines(folder: &Folder, config: &str) -> Vec<serde_json::Value> {
-    let text = folder.done(&format!("replay later.log -c {config} --json"));
-    text.lines()
-        .map(|line| serde_json::from_str(line).expect("JSON"))
-        .collect()
-}
-
 /// Shorts of phases A, B, C, each with its sigma.
 fn shorts(line: &serde_json::Value) -> [(f64, f64); 3] {
     [2, 3, 4].map(|n| {
@@ -21,11 +13,12 @@ fn shorts(line: &serde_json::Value) -> [(f64, f64); 3] {
 #[test]
 fn currents_that_all_read_wrong_accuse_no_phase_and_hide_no_short() {
     let folder = Folder::new();
-    let unit = "[[actuator]]\nid = 0\ntype = \"servo270\"\n";
-    folder.write("new.toml", unit);
-    folder.write("hmd.toml", format!("{unit}calibration = \"unit.toml\"\n"));
-    let low = "[health]\nwatch = 0.02\nhysteresis = 0.01\n";
-    folder.write("low.toml", format!("{unit}calibration = \"unit.toml\"\n{low}"));
+    folder.commission("servo270", "10 --noise 0.02 --seed 11");
+    let known = String::from_utf8(folder.read("hmd.toml")).expect("text");
+    folder.write(
+        "low.toml",
+        format!("{known}[health]\nwatch = 0.02\nhysteresis = 0.01\n"),
+    );
     let simulate = |options: &str| folder.done(&format!("simulate --actuator servo270 --noise 0.02 {options}"));
     let later = |gain: f64, options: &str| {
         let gains: String = ["a", "b", "c"]
@@ -34,11 +27,13 @@ fn currents_that_all_read_wrong_accuse_no_phase_and_hide_no_short() {
             .collect();
         simulate(&format!("--windows 2 --seed 3 {gains}{options} -o later.log"));
     };
-    simulate("--windows 10 --seed 11 -o healthy.log");
-    folder.done("calibrate healthy.log -c new.toml -o unit.toml");
-
     later(0.04, "");
-    for line in [lines(&folder, "hmd.toml"), lines(&folder, "low.toml")].concat() {
+    for line in [
+        folder.replayed("later.log -c hmd.toml"),
+        folder.replayed("later.log -c low.toml"),
+    ]
+    .concat()
+    {
         assert_eq!(line["faults"], serde_json::json!([]), "{line}");
         let reason = line["reason"].as_str().expect("a reason");
         assert!(
@@ -50,12 +45,18 @@ fn currents_that_all_read_wrong_accuse_no_phase_and_hide_no_short() {
         }
     }
     // What stands in the record does not depend on the levels.
-    let estimates = |config: &str| lines(&folder, config).iter().map(shorts).collect::<Vec<_>>();
+    let estimates = |config: &str| {
+        folder
+            .replayed(&format!("later.log -c {config}"))
+            .iter()
+            .map(shorts)
+            .collect::<Vec<_>>()
+    };
     assert_eq!(estimates("hmd.toml"), estimates("low.toml"));
 
     for gain in [-0.05, 0.04] {
         later(gain, "--fault short_a=0.15");
-        for line in lines(&folder, "hmd.toml") {
+        for line in folder.replayed("later.log -c hmd.toml") {
             assert_eq!(
                 (&line["faults"], &line["suspects"]),
                 (&serde_json::json!(["short_a"]), &serde_json::json!(["current gain"])),
@@ -70,21 +71,12 @@ fn currents_that_all_read_wrong_accuse_no_phase_and_hide_no_short() {
 #[test]
 fn one_of_two_sensors_that_reads_wrong_accuses_no_phase_and_hides_no_short() {
     let folder = Folder::new();
-    let unit = "[[actuator]]\nid = 0\ntype = \"servo270\"\n";
-    folder.write("new.toml", unit);
-    folder.write("hmd.toml", format!("{unit}calibration = \"unit.toml\"\n"));
-    let simulate = |options: &str| {
-        folder.done(&format!(
-            "simulate --actuator servo270 --noise 0.02 --with two_current_sensors=1 {options}"
-        ));
-    };
-    simulate("--windows 8 --seed 6 -o healthy.log");
-    folder.done("calibrate healthy.log -c new.toml -o unit.toml");
+    let two_sensors = "--noise 0.02 --with two_current_sensors=1";
+    folder.commission("servo270", &format!("8 {two_sensors} --seed 6"));
     for (gain, short) in [(0.0, 0.1), (0.06, 0.0), (-0.06, 0.0), (-0.06, 0.1)] {
-        simulate(&format!(
-            "--windows 2 --seed 8 --with current_gain_a={gain} --fault short_a={short} -o later.log"
-        ));
-        for line in lines(&folder, "hmd.toml") {
+        let later = format!("--windows 2 --seed 8 --with current_gain_a={gain} --fault short_a={short} -o later.log");
+        folder.done(&format!("simulate --actuator servo270 {two_sensors} {later}"));
+        for line in folder.replayed("later.log -c hmd.toml") {
             let [(k, sigma), b, c] = shorts(&line);
             assert!((k - short).abs() < 3.0 * sigma, "{gain} {short}: {line}");
             assert!(

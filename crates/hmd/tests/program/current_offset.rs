@@ -39,23 +39,12 @@ fn an_offset_that_the_direct_current_does_not_show_is_named_by_its_phase() {
 #[test]
 fn an_offset_of_one_of_two_sensors_that_no_sum_shows_is_named_by_the_torque_and_taken_out() {
     let folder = Folder::new();
-    let unit = "[[actuator]]\nid = 0\ntype = \"bench\"\n";
-    folder.write("new.toml", unit);
-    folder.write("hmd.toml", format!("{unit}calibration = \"unit.toml\"\n"));
-    let simulate = |options: &str| {
-        folder.done(&format!(
-            "simulate --drive vector --noise 0.03 --with two_current_sensors=1 {options}"
-        ));
-    };
-    simulate("--windows 8 --seed 11 -o healthy.log");
-    folder.done("calibrate healthy.log -c new.toml -o unit.toml");
+    let two_sensors = "--drive vector --noise 0.03 --with two_current_sensors=1";
+    folder.commission("bench", &format!("8 {two_sensors} --seed 11"));
     for (fault, faults) in [("", vec![]), ("--fault short_b=0.2", vec!["short_b"])] {
-        simulate(&format!(
-            "--windows 2 --seed 3 --with current_offset_a_a=0.15 {fault} -o later.log"
-        ));
-        let lines = folder.done("replay later.log -c hmd.toml --json");
-        for line in lines.lines() {
-            let line: serde_json::Value = serde_json::from_str(line).expect("JSON");
+        let later = format!("--windows 2 --seed 3 --with current_offset_a_a=0.15 {fault} -o later.log");
+        folder.done(&format!("simulate {two_sensors} {later}"));
+        for line in folder.replayed("later.log -c hmd.toml") {
             assert_eq!(line["suspects"], serde_json::json!(["current offset"]), "{line}");
             assert_eq!(
                 (&line["status"], &line["faults"]),

@@ -38,6 +38,17 @@ impl Folder {
         self.write(name, text);
     }
 
+    /// Commissions a unit of a type by windows simulated with these options, in `healthy.log`; `hmd.toml` is the configuration that knows it.
+    pub(crate) fn commission(&self, actuator: &str, windows_and_options: &str) {
+        let unit = format!("[[actuator]]\nid = 0\ntype = \"{actuator}\"\n");
+        self.write("new.toml", &unit);
+        self.write("hmd.toml", format!("{unit}calibration = \"unit.toml\"\n"));
+        self.done(&format!(
+            "simulate --actuator {actuator} --windows {windows_and_options} -o healthy.log"
+        ));
+        self.done("calibrate healthy.log -c new.toml -o unit.toml");
+    }
+
     /// The command for a line of arguments, with a backtrace wanted, so that a panic would show one.
     pub(crate) fn command(&self, line: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_hmd"));

@@ -35,6 +35,7 @@ mod settings;
 mod shifted_motor_angle;
 mod shifted_set_point;
 mod simulate;
+mod swapped_phases;
 mod terminal_rig;
 mod top;
 mod uncommissioned;

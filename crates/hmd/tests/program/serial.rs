@@ -155,7 +155,8 @@ fn garbage_and_a_pulled_plug_cost_what_they_touch_and_replay_reports_the_same() 
     });
     let health = lines.health();
     // A window that lost samples says so ("… samples lost and … refused, filled").
-    let whole = |line: &str| !line.contains("\"k\":null") && !line.contains("samples lost");
+    // Of a step at 400 Hz friction is uncertain before the unit is commissioned: `degraded`, but assessed.
+    let whole = |line: &str| line.contains("\"k\":[") && !line.contains("samples lost");
     assert!(whole(&health[0]), "{}", health[0]);
     assert!(
         health[1].contains("\"status\":\"invalid\"") && health[1].contains("\"k\":null"),

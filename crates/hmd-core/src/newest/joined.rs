@@ -13,8 +13,8 @@ use crate::rul::NoTrend;
 pub struct Joined<'a> {
     /// What they say together. What was replaced since is not yet taken away from it ([`Newest::replace`]).
     pub newest: Newest,
-    /// Parts, or the unit (`None`), that were replaced between each recording and the one before by an event, of which no window knows.
-    pub begin_with: Vec<Vec<Option<ReplacedPart>>>,
+    /// Replacements between each recording and the one before, of which no window knows.
+    pub begin_with: Vec<Vec<&'a Event>>,
     /// Replacements after the newest window.
     pub since: Vec<&'a Event>,
     /// Replacements before the newest window that no window knows of.
@@ -34,11 +34,10 @@ impl Newest {
         };
         let whole = &mut joined.newest;
         for mut recording in recordings {
-            let lies_between = |event: &&&Event| whole.is_replaced_between(&recording, event.t_ns, now_ns);
-            let parts = replacements.iter().filter(lies_between).map(|event| event.part);
-            let parts: Vec<Option<ReplacedPart>> = parts.collect();
-            parts.iter().for_each(|part| recording.begin_part(*part));
-            joined.begin_with.push(parts);
+            let lies_between = |event: &&Event| whole.is_replaced_between(&recording, event.t_ns, now_ns);
+            let between: Vec<&Event> = replacements.iter().copied().filter(lies_between).collect();
+            between.iter().for_each(|event| recording.begin_part(event.part));
+            joined.begin_with.push(between);
             if recording.period_ns.is_some() {
                 whole.go_on(recording);
             }
@@ -271,7 +270,7 @@ mod tests {
             windows(&[10, 12], Unknown, 1.0),
         ];
         let joined = Newest::joined(recordings, &events, 40);
-        assert_eq!(joined.begin_with, [vec![], vec![], vec![Some(Gearbox)]]);
+        assert_eq!(joined.begin_with, [vec![], vec![], vec![events[0]]]);
         let states = joined.newest.states();
         let state = |fault: FaultId| states[fault.index()];
         // Known of an event that lies within a recording is what its windows say: nothing.

@@ -8,7 +8,7 @@
 
 use std::fmt::Debug;
 use std::io::BufRead;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use csv_core::{ReadRecordResult, Reader, ReaderBuilder};
 use hmd_storage::quoted;
@@ -48,6 +48,12 @@ pub struct CsvLog<R> {
     pending: Option<Damage>,
     ended: bool,
 }
+
+/// Separators, each with a reader that is new: making one takes longer than it takes to cut a line. Of as many separators of two kinds in a
+/// line the first kind counts.
+static READERS: LazyLock<[(u8, Reader); 3]> = LazyLock::new(|| {
+    [b',', b';', b'\t'].map(|separator| (separator, ReaderBuilder::new().delimiter(separator).build()))
+});
 
 /// Cuts lines into cells.
 #[derive(Debug)]
@@ -272,13 +278,13 @@ impl Splitter {
     /// For a text whose first line is this one.
     fn of(names: &[u8]) -> Self {
         let count = |of: u8| names.iter().filter(|&&byte| byte == of).count();
-        let separator = [b'\t', b';', b',']
-            .into_iter()
-            .max_by_key(|&of| count(of))
-            .unwrap_or(b',');
+        let [comma, others @ ..] = &*READERS;
+        let (separator, reader) = others
+            .iter()
+            .fold(comma, |most, of| if count(of.0) > count(most.0) { of } else { most });
         Self {
-            separator,
-            reader: ReaderBuilder::new().delimiter(separator).build(),
+            separator: *separator,
+            reader: reader.clone(),
             text: Vec::new(),
             ends: Vec::new(),
         }

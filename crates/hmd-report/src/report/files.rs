@@ -184,6 +184,12 @@ impl Files {
             files.sources.push(source);
         }
         files.actuators = by_unit(parts, maintenance);
+        for (name, history) in &files.actuators {
+            let replaced = history.replaced_between.iter();
+            files
+                .events
+                .extend(replaced.map(|of| (of.t_ns, format!("{name}: {}", of.noted()))));
+        }
         Ok(files)
     }
 

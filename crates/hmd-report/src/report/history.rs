@@ -6,7 +6,7 @@ use ema_models::FaultId;
 use hmd_core::assess::OUTDATED;
 use hmd_core::config::HoursOf;
 use hmd_core::health::HealthState;
-use hmd_core::history::{FELL, ReplacedPart};
+use hmd_core::history::{Event, FELL, ReplacedPart};
 use hmd_core::newest::Newest;
 use hmd_core::record::{Estimate, Health, Rul, Sensors, Window};
 
@@ -75,6 +75,8 @@ pub struct History {
     pub reasons: BTreeMap<String, u64>,
     /// Newest record of its sensors.
     pub sensors: Sensors,
+    /// What was replaced between two recordings, as it was entered: no window knows of it.
+    pub replaced_between: Vec<Replacement>,
     /// What was replaced after the newest window, as it was entered, each once.
     pub replaced_since: Vec<Replacement>,
     /// What was replaced before the newest window, as it was entered since: no window knows of it.
@@ -94,6 +96,26 @@ pub struct Replacement {
     pub t_ns: u64,
     /// What the person who entered it wrote.
     pub note: String,
+}
+
+impl Replacement {
+    /// That of an event.
+    pub(super) fn of(event: &Event) -> Self {
+        Self {
+            part: event.part,
+            t_ns: event.t_ns,
+            note: event.note.clone().unwrap_or_default(),
+        }
+    }
+
+    /// Part in words and note.
+    pub(super) fn noted(&self) -> String {
+        let part = self.part.map_or("actuator", ReplacedPart::name);
+        match &*self.note {
+            "" => format!("{part} replaced"),
+            note => format!("{part} replaced: {note}"),
+        }
+    }
 }
 
 /// The newest windows, as far as none of them was assessed.
@@ -194,6 +216,7 @@ impl History {
             samples,
             reasons,
             sensors,
+            replaced_between: _,
             replaced_since: _,
             entered_since: _,
             overlaps: _,

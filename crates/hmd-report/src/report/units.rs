@@ -94,9 +94,12 @@ fn joined(actuator: String, mut recordings: Vec<Part>, maintenance: &Maintenance
         clock_doubts,
         ..History::default()
     };
-    for (recording, parts) in recordings.into_iter().zip(joined.begin_with) {
+    for (recording, replacements) in recordings.into_iter().zip(joined.begin_with) {
         let mut later = recording.history;
-        parts.into_iter().for_each(|part| later.mark_replaced(part));
+        for event in replacements {
+            later.mark_replaced(event.part);
+            whole.replaced_between.push(Replacement::of(event));
+        }
         if let Some(first) = later.points.first_mut() {
             first.begins_recording = true;
         }
@@ -110,11 +113,7 @@ fn newest_of_each(events: Vec<&Event>) -> Vec<Replacement> {
     let mut newest: Vec<Replacement> = Vec::new();
     for event in events {
         newest.retain(|known| known.part != event.part);
-        newest.push(Replacement {
-            part: event.part,
-            t_ns: event.t_ns,
-            note: event.note.clone().unwrap_or_default(),
-        });
+        newest.push(Replacement::of(event));
     }
     newest
 }
@@ -310,7 +309,10 @@ mod tests {
             let history = by_unit(vec![worn, silent], &maintenance).remove("left").unwrap();
             let states = history.newest.states();
             let entered = !history.entered_since.is_empty();
-            (states[0], states[1], history.points[2].replaced.clone(), entered)
+            let replaced = history.points[2].replaced.clone();
+            let between: Vec<_> = history.replaced_between.iter().map(|of| of.part).collect();
+            assert_eq!(between, replaced);
+            (states[0], states[1], replaced, entered)
         };
         let gearbox = Some(ReplacedPart::Gearbox);
         assert_eq!(of(gearbox, 5, 0.0), (Unknown, Unknown, vec![gearbox], false));

@@ -37,6 +37,7 @@ mod report;
 mod results;
 mod robust;
 mod sbom;
+mod semver_checks;
 mod shell;
 mod soak;
 mod survive;
@@ -161,6 +162,11 @@ enum Verb {
     Deb,
     /// The library crates as they would be published, each built from its package.
     Package,
+    /// What the library crates offer, compared with a revision: whether their version is high enough for what changed since.
+    Semver {
+        /// The last release, by its tag or commit.
+        since: String,
+    },
     /// Model checking of what runs concurrently.
     Model,
     /// The whole daemon in a simulated world, under disturbances from seeds; planted bugs.
@@ -210,6 +216,7 @@ fn main() -> ExitCode {
         Verb::Survive => survive::check(),
         Verb::PowerCut { cuts } => power_cut::check(cuts),
         Verb::Package => package::check(),
+        Verb::Semver { since } => semver_checks::check(&since),
         Verb::Model => model::check(),
         Verb::World(args) => world::check(&args),
         Verb::Dist => dist::check(),

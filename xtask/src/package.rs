@@ -3,7 +3,7 @@
 use crate::shell::{cargo, run};
 
 /// Those that can be published, a crate after the ones it needs.
-const CRATES: [&str; 9] = [
+pub(crate) const CRATES: [&str; 9] = [
     "ema-models",
     "ema-ga",
     "ema-wire",

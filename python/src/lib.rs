@@ -24,7 +24,9 @@ mod _hmd {
     #[pymodule_export]
     use super::fit_problem::FitProblem;
     #[pymodule_export]
-    use super::logs::{config_identity, has_map, logs_in, read_raw, read_records, serial_numbers};
+    use super::logs::{
+        config_identity, configured_serial_numbers, has_map, logs_in, read_raw, read_records, serial_numbers,
+    };
     #[pymodule_export]
     use super::verbs::run;
 

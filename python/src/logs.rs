@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use hmd::commands::recordings::{Wanted, is_table, logs_of_folder, recordings};
 use hmd::commands::{Losses, check_files, load_config};
+use hmd_core::config::ActuatorConfig;
 use hmd_report::export::{TableKind, export, export_raw, raw_heads};
 use hmd_storage::calibration_file::hash_of_models;
 use pyo3::prelude::*;
@@ -76,6 +77,14 @@ pub(crate) fn config_identity(config: Option<PathBuf>) -> PyResult<(String, Stri
 #[pyfunction]
 pub(crate) fn serial_numbers(log: PathBuf) -> BTreeMap<String, String> {
     hmd_storage::serial_numbers::serial_numbers(&log)
+}
+
+/// Serial numbers of the actuators of a configuration that has them.
+#[pyfunction]
+pub(crate) fn configured_serial_numbers(config: Option<PathBuf>) -> PyResult<BTreeMap<String, String>> {
+    let config = load_config(config.as_deref()).map_err(raised)?;
+    let serial_of = |actuator: &ActuatorConfig| Some((actuator.name.clone(), actuator.serial_number.clone()?));
+    Ok(config.actuators().iter().filter_map(serial_of).collect())
 }
 
 /// A log of a folder: its path, and whether it is a table, which needs a section `[map]`.

@@ -29,10 +29,14 @@ enum Verb {
 #[pyfunction]
 pub(crate) fn run(py: Python<'_>, words: Vec<OsString>, threads: usize) -> PyResult<(String, Vec<String>, bool)> {
     let command = Command::try_parse_from(words).map_err(|error| {
-        // What follows the first line is help for a shell.
+        // What follows the first paragraph is help for a shell.
         let text = error.to_string();
-        let line = text.lines().next().unwrap_or_default();
-        misuse(line.trim_start_matches("error: "))
+        let paragraph: Vec<&str> = text
+            .lines()
+            .map(str::trim)
+            .take_while(|line| !line.is_empty())
+            .collect();
+        misuse(paragraph.join(" ").trim_start_matches("error: "))
     })?;
     let (text, messages, exit) = compute(py, threads, move || {
         let (mut text, mut messages) = (String::new(), Vec::new());

@@ -248,16 +248,82 @@ def test_each_unit_has_its_own_configuration(fleet: Path, tmp_path: Path, capsys
     assert len(set(results(out)) - before) == 1
 
 
+def ended(program: str, *words: str | Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", program, *words], capture_output=True, text=True, check=False)
+
+
 def test_arguments_that_make_no_sense_are_refused(tmp_path: Path) -> None:
-    for words in (["--workers", "-1"], ["--seed", "-1"], ["--seed", str(2**64)]):
-        ended = subprocess.run(
-            [sys.executable, "-m", "hmd.fleet", str(tmp_path), "-o", str(tmp_path / "out"), *words],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert ended.returncode == 2
-        assert "expected a whole number" in ended.stderr
+    out = tmp_path / "out"
+    for program in ("hmd.fleet", "hmd.fleet.one"):
+        for number in ("-1", str(2**64)):
+            refused = ended(program, tmp_path, "-o", out, "--seed", number)
+            assert (refused.returncode, "expected a whole number" in refused.stderr) == (2, True)
+    refused = ended("hmd.fleet", tmp_path, "-o", out, "--workers", "-1")
+    assert (refused.returncode, "expected a whole number" in refused.stderr) == (2, True)
+    for name, found in (("none", "expected a folder, found none"), (__file__, "expected a folder, found a file")):
+        refused = ended("hmd.fleet", tmp_path / name, "-o", out)
+        assert (refused.returncode, found in refused.stderr) == (1, True)
+    (tmp_path / "idle").mkdir()
+    refused = ended("hmd.fleet.one", tmp_path / "idle", "-o", out)
+    assert (refused.returncode, "found none" in refused.stderr) == (1, True)
+    assert not out.exists()
+
+
+def test_logs_without_a_window_are_a_table_without_rows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder, out = tmp_path / "logs", tmp_path / "out"
+    folder.mkdir()
+    (folder / "bad.log").write_text("no frame\n")
+    for _ in range(2):
+        assert run(folder, out, workers=0) == 3
+        assert "1 bad, 0 with losses, 0 windows of 0 units" in capsys.readouterr().out
+        assert pq.read_table(out / "fleet.parquet").num_rows == 0
+
+
+def test_outputs_of_which_one_is_of_another_run_are_made_again(fleet: Path, tmp_path: Path) -> None:
+    folder, out = tmp_path / "logs/unit", tmp_path / "out"
+    shifted(folder / "0.log", (fleet / "unit-0/day-00.log").read_text(), 0)
+    assert run(folder.parent, out, workers=0) == 0
+    before = (out / "fleet.json").read_text()
+    shifted(folder / "1.log", (fleet / "unit-0/day-01.log").read_text(), 0)
+    assert run(folder.parent, out, workers=0) == 0
+    # As if the run had been cut behind the table.
+    (out / "fleet.json").write_text(before)
+    assert run(folder.parent, out, workers=0) == 0
+    assert json.loads((out / "fleet.json").read_text())["counts"]["logs"] == 2
+    # What is known of the logs without reading them, and a result that lost its content.
+    (out / "index.jsonl").write_bytes(b"\xff\n{}\n")
+    next(out.glob("results/*/*")).write_text("")
+    expected = (out / "fleet.parquet").read_bytes()
+    assert run(folder.parent, out, workers=0) == 0
+    assert (out / "fleet.parquet").read_bytes() == expected
+    assert all(results(out).values())
+
+
+def test_linked_folders_are_searched_once_and_any_name_is_a_name(fleet: Path, tmp_path: Path) -> None:
+    folder, elsewhere, out = tmp_path / "logs", tmp_path / "elsewhere", tmp_path / "out"
+    shifted(folder / "here/0.log", (fleet / "unit-0/day-00.log").read_text(), 0)
+    shifted(elsewhere / "1.log", (fleet / "unit-1/day-00.log").read_text(), 0)
+    (elsewhere / "1.log").rename(Path(os.fsdecode(os.fsencode(elsewhere) + b"/Fl\xfcgel.log")))
+    (folder / "there").symlink_to(elsewhere)
+    (elsewhere / "round").symlink_to(folder)
+    assert run(folder, out, workers=0) == 0
+    table = pq.read_table(out / "fleet.parquet")
+    assert table["log"].to_pylist() == ["here/0.log", "there/Fl\\xfcgel.log"]
+    [passed_over] = json.loads((out / "fleet.json").read_text())["passed_over"]
+    assert passed_over == {"reason": contract.LINK, "files": 1, "first": "there/round"}
+
+
+def test_a_serial_number_is_that_of_the_log_else_that_of_the_configuration(fleet: Path, tmp_path: Path) -> None:
+    folder, out, config = tmp_path / "logs", tmp_path / "out", tmp_path / "hmd.toml"
+    log = folder / "unit/day.log"
+    shifted(log, (fleet / "unit-0/day-00.log").read_text(), 0)
+    config.write_text('[[actuator]]\nid = 0\nname = "left"\nserial_number = "SN-77"\n')
+    # The recording holds the number, and its window again.
+    hmd.replay(log, config=config, output=folder / "unit/recorded.mcap")
+    assert run(folder, out, config, workers=0) == 0
+    [window] = pq.read_table(out / "fleet.parquet").to_pylist()
+    assert (window["unit"], window["serial_number"], window["actuator"]) == ("SN-77", "SN-77", "left")
+    assert json.loads((out / "fleet.json").read_text())["counts"]["windows_twice"] == 1
 
 
 def test_bad_logs_are_listed_and_end_nothing(spoilt: Path, tmp_path: Path) -> None:

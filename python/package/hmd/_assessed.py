@@ -4,6 +4,7 @@ import json
 import warnings
 from collections import Counter
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, overload
 
 from . import _hmd
@@ -13,6 +14,7 @@ from ._arguments import (
     checked_paths,
     checked_rate,
     checked_seed,
+    checked_start,
     checked_threads,
     optional_number,
     optional_path,
@@ -26,6 +28,9 @@ if TYPE_CHECKING:
     import polars
     import pyarrow
     from numpy.typing import ArrayLike
+
+COUNTS_MAX = 2**52
+"""Largest count: a number of 64 bits holds its fractions too."""
 
 
 class Judged:
@@ -79,7 +84,7 @@ class Judged:
 
     @property
     def notices(self) -> list[str]:
-        """What an operator should read, a sentence each."""
+        """What `hmd replay` says beside its lines, a sentence each: what a configuration or a log means for them."""
         return self._notices
 
     @property
@@ -186,8 +191,8 @@ def identify(
         "i_a_a": np.ascontiguousarray(currents[:, 0]),
         "i_b_a": np.ascontiguousarray(currents[:, 1]),
         "i_c_a": np.ascontiguousarray(currents[:, 2]),
-        "motor_counts": _whole("motor_counts", motor_counts),
-        "output_counts": _whole("output_counts", output_counts),
+        "motor_counts": _counts("motor_counts", motor_counts),
+        "output_counts": _counts("output_counts", output_counts),
         "mode": np.ascontiguousarray(np.broadcast_to(modes, (n,)) if modes.ndim == 0 else modes),
         "setpoint": np.ascontiguousarray(setpoint, dtype=np.float64),
     }
@@ -210,8 +215,27 @@ def _nanoseconds(times: "ArrayLike | None") -> Any:
     given = np.asarray([] if times is None else times)
     # pandas gives times with a zone as objects.
     if given.dtype.kind == "O":
-        given = np.asarray([getattr(time, "value", time) for time in given])
+        given = np.asarray([_time_ns(time) for time in given])
     return given.astype("datetime64[ns]").astype(np.int64) if given.dtype.kind == "M" else given
+
+
+def _time_ns(time: Any) -> Any:
+    """A time of pandas or of Python as UTC ns, without a zone taken as UTC; a number as it is."""
+    if hasattr(time, "value"):
+        return time.value
+    if not isinstance(time, datetime):
+        return time
+    return checked_start(time if time.tzinfo else time.replace(tzinfo=UTC))
+
+
+def _counts(name: str, values: "ArrayLike") -> Any:
+    """Whole counts, of which angles lose nothing."""
+    import numpy as np
+
+    counts = _whole(name, values)
+    if counts.size and (counts.min() < -COUNTS_MAX or counts.max() > COUNTS_MAX):
+        raise UsageError(f"{name}: expected counts up to 2⁵² in size, found {int(np.abs(counts.astype(float)).max())}")
+    return counts
 
 
 def _whole(name: str, values: "ArrayLike") -> Any:

@@ -7,10 +7,12 @@ import sys
 import time
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from .._hmd import VERSION, ConfigError
+from .arguments import seed, workers
 from .cluster import assess_all
-from .contract import Found, Index, Job, Outcome, find_logs, write_whole
+from .contract import NO_LOGS, Found, Index, Job, Outcome, find_logs, write_whole
 
 STALE_S = 3600
 """Age at which a temporary file belongs to nobody any more."""
@@ -41,22 +43,6 @@ def main(words: list[str] | None = None) -> int:
         return 130
 
 
-def seed(text: str) -> int:
-    """A seed of 64 bits."""
-    return _within(text, 2**64 - 1)
-
-
-def workers(text: str) -> int:
-    """A number of local workers."""
-    return _within(text, 1024)
-
-
-def _within(text: str, most: int) -> int:
-    if not (text.isascii() and text.isdigit() and int(text) <= most):
-        raise argparse.ArgumentTypeError(f"expected a whole number from 0 to {most}, found {text!r}")
-    return int(text)
-
-
 def run(
     folder: Path, out: Path, config: Path | None = None, seed: int = 1, scheduler: str | None = None, workers: int = 1
 ) -> int:
@@ -64,14 +50,18 @@ def run(
     since = time.monotonic()
     folder, out = folder.absolute(), out.absolute()
     job = Job.prepared(out, config, seed)
+    if not folder.is_dir():
+        print(
+            f"hmd.fleet: {folder}: expected a folder, found {'a file' if folder.exists() else 'none'}", file=sys.stderr
+        )
+        return 1
     out.mkdir(parents=True, exist_ok=True)
     found = find_logs(folder, job)
     logs = found.logs
-    for some in found.passed_over:
-        count = f"{some.files} file{'s' if some.files > 1 else ''} passed over"
-        print(f"hmd.fleet: {count}, the first {some.first}: {some.reason}", file=sys.stderr)
+    for sentence in found.sentences():
+        print(f"hmd.fleet: {sentence}", file=sys.stderr)
     if not logs:
-        print(f"hmd.fleet: {folder}: expected logs of a format that hmd replay reads, found none", file=sys.stderr)
+        print(f"hmd.fleet: {folder}: {NO_LOGS}", file=sys.stderr)
         return 1
     index = Index(out)
     outcomes = {str(log): known for log in logs if (known := index.find(log, job))}
@@ -115,8 +105,12 @@ def _write_tables(
 
     table, summary_file = out / "fleet.parquet", out / "fleet.json"
     inputs = inputs_of(job, outcomes, found.passed_over)
-    if is_current(table, inputs) and summary_file.exists() and (out / "report.html").exists():
-        made_before: dict[str, dict[str, int]] = json.loads(summary_file.read_text(encoding="utf-8"))
+    # The summary comes last: made of these inputs, so are the others.
+    if (
+        is_current(table, inputs)
+        and (out / "report.html").exists()
+        and (made_before := _summary_of(summary_file, inputs))
+    ):
         return made_before
     results = Results(folder, job, outcomes)
     windows = write_table(table, inputs, results.rows())
@@ -145,6 +139,15 @@ def _write_tables(
     write_whole(out / "report.html", page(lists, summary))
     write_whole(summary_file, json.dumps(summary, indent=1) + "\n")
     return {"counts": counts}
+
+
+def _summary_of(file: Path, inputs: str) -> dict[str, dict[str, int]] | None:
+    """The summary of these inputs, if that is what stands in a file."""
+    try:
+        summary: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+        return summary if summary["made"]["inputs"] == inputs else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
 
 
 def _warn_of_units(job: Job, logs: list[Path]) -> None:

@@ -1,10 +1,12 @@
 """One log in, one result out. Nothing here knows what engine runs it; nothing needs more than the standard library."""
 
+import contextlib
 import hashlib
 import json
 import os
 import socket
 import warnings
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -14,7 +16,7 @@ from .._assessed import replay
 from .._hmd import ConfigError, Error
 from .._tables import DataLossWarning
 
-CONTRACT = 1
+CONTRACT = 2
 """Version of the result files; a part of their names."""
 
 NO_MAP = "table of measured signals, whose configuration has no section [map]"
@@ -22,6 +24,12 @@ NO_MAP = "table of measured signals, whose configuration has no section [map]"
 
 PLACE = "{log}"
 """Stands for the path of the log in the message of a result."""
+
+NO_LOGS = "expected logs of a format that hmd replay reads, found none"
+"""Why a folder has nothing to assess."""
+
+LINK = "link to a folder that is searched already"
+"""Why a folder is not searched again."""
 
 CHUNK = 1 << 20
 """Bytes of a log that are held while it is hashed."""
@@ -80,6 +88,13 @@ class Job:
         }
         return hashlib.sha256(json.dumps(made_of, sort_keys=True).encode()).hexdigest()
 
+    def has_result(self, key: str) -> bool:
+        """Whether there is one; a file that lost its content is none."""
+        try:
+            return self.result(key).stat().st_size > 0
+        except FileNotFoundError:
+            return False
+
     def result(self, key: str) -> Path:
         """Where the result of that name stands; in one of 256 folders, because a folder of 100 000 files is slow."""
         return Path(self.out, "results", key[:2], f"{key}.jsonl")
@@ -129,17 +144,21 @@ class Found:
     logs: list[Path]
     passed_over: list[PassedOver]
 
+    def sentences(self) -> Iterator[str]:
+        """What was passed over, a sentence for each reason."""
+        for some in self.passed_over:
+            yield f"{some.files} file{'s' if some.files > 1 else ''} passed over, the first {some.first}: {some.reason}"
+
 
 def find_logs(folder: Path, job: Job) -> Found:
     """All logs below a folder, by name; none of the results. Of each folder in it, those that `hmd replay` takes.
 
-    Tables of measured signals are logs where their configuration says what the signals are.
+    Linked folders are searched too, each folder once. Tables of measured signals are logs where their configuration
+    says what the signals are.
     """
     logs: list[Path] = []
     others: dict[str, list[Path]] = {}
-    out = Path(job.out)
-    for place, folders, _ in os.walk(folder):
-        folders[:] = [name for name in folders if Path(place, name).resolve() != out]
+    for place in _folders_below(folder, Path(job.out), others):
         of_folder, passed_over = _hmd.logs_in(place)
         for name, is_table in of_folder:
             log = Path(name)
@@ -150,10 +169,36 @@ def find_logs(folder: Path, job: Job) -> Found:
         for name, reason in passed_over:
             others.setdefault(reason, []).append(Path(name))
     counted = (
-        PassedOver(reason, len(files), min(file.relative_to(folder).as_posix() for file in files))
+        PassedOver(reason, len(files), min(shown(file.relative_to(folder)) for file in files))
         for reason, files in sorted(others.items())
     )
     return Found(sorted(logs), list(counted))
+
+
+def _folders_below(folder: Path, out: Path, others: dict[str, list[Path]]) -> Iterator[Path]:
+    """A folder and those below it, each once, linked ones last; what cannot be searched is added to the others."""
+
+    def unreadable(error: OSError) -> None:
+        others.setdefault(f"folder: {error.strerror}", []).append(Path(error.filename))
+
+    seen, waiting = {out}, [folder]
+    while waiting:
+        for place, folders, _ in os.walk(waiting.pop(0), onerror=unreadable):
+            folders.sort()
+            real = Path(place).resolve()
+            if real in seen:
+                folders.clear()
+                if os.path.islink(place) and real != out:
+                    others.setdefault(LINK, []).append(Path(place))
+                continue
+            seen.add(real)
+            waiting += [link for name in folders if (link := Path(place, name)).is_symlink()]
+            yield Path(place)
+
+
+def shown(path: Path) -> str:
+    """A path as text for people and files; what is no UTF-8 in it by its bytes."""
+    return os.fsencode(path.as_posix()).decode("utf-8", "backslashreplace")
 
 
 @lru_cache(maxsize=4096)
@@ -189,7 +234,7 @@ def one_log(log: Path, job: Job) -> Outcome:
         content = hash_of(log)
         key = job.key(content)
         place = job.result(key)
-        computed = not place.exists()
+        computed = not job.has_result(key)
         if computed:
             text = _assess(log, content, job)
             after = log.stat()
@@ -217,7 +262,10 @@ def _assess(log: Path, content: str, job: Job) -> str:
         raise
     except Error as error:
         # What the bytes mean does not depend on where they lie.
-        code, message = 1, str(error).replace(str(log), PLACE)
+        said = str(error)
+        for name in (str(log), os.fsencode(log).decode("utf-8", "replace")):
+            said = said.replace(name, PLACE)
+        code, message = 1, said
     head = {
         "contract": CONTRACT,
         "content": content,
@@ -226,7 +274,7 @@ def _assess(log: Path, content: str, job: Job) -> str:
         "seed": job.seed,
         "exit": code,
         "message": message,
-        "serial_numbers": _hmd.serial_numbers(log),
+        "serial_numbers": _hmd.configured_serial_numbers(job.config) | _hmd.serial_numbers(log),
     }
     return "".join(f"{line}\n" for line in [json.dumps(head), *lines])
 
@@ -252,10 +300,12 @@ class Index:
         self.path = out / "index.jsonl"
         self.known: dict[str, Outcome] = {}
         if self.path.exists():
-            with self.path.open(encoding="utf-8") as file:
+            with self.path.open(encoding="utf-8", errors="replace") as file:
                 for line in file:
-                    outcome = Outcome(**json.loads(line))
-                    self.known[outcome.log] = outcome
+                    # A line that is none is of a log that is read again.
+                    with contextlib.suppress(ValueError, TypeError):
+                        outcome = Outcome(**json.loads(line))
+                        self.known[outcome.log] = outcome
 
     def find(self, log: Path, job: Job) -> Outcome | None:
         """The log's outcome if its result is there."""
@@ -269,7 +319,7 @@ class Index:
         if (known.size, known.mtime_ns) != (now.st_size, now.st_mtime_ns):
             return None
         key = job.of(log).key(known.content)
-        return Outcome(known.log, known.size, known.mtime_ns, known.content, key) if job.result(key).exists() else None
+        return Outcome(known.log, known.size, known.mtime_ns, known.content, key) if job.has_result(key) else None
 
     def write(self, outcomes: list[Outcome]) -> None:
         """Stores what was read."""

@@ -1,5 +1,6 @@
 """Statistics of a fleet's table: the worst units, growing damage, units unlike the others."""
 
+import itertools
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -96,9 +97,10 @@ def read_units(table: Path) -> list[Unit]:
     of, health, faults = of[order], health[order], faults[order]
     time_s = rows["t_start_ns"].cast("int64").to_numpy()[order] / 1e9
     damage = np.column_stack([rows[f"damage_{fault}"].to_numpy()[order] for fault in FAULTS])
-    starts = np.flatnonzero(np.r_[True, of[1:] != of[:-1]]) if len(of) else np.array([], dtype=int)
+    # One more than there are units; of no rows none.
+    bounds = np.flatnonzero(np.r_[True, of[1:] != of[:-1], True]) if len(of) else np.array([], dtype=int)
     units = []
-    for start, end in zip(starts, [*starts[1:], len(of)], strict=True):
+    for start, end in itertools.pairwise(bounds):
         assessed = start + np.flatnonzero(np.isfinite(damage[start:end]).all(axis=1))
         newest = assessed[-NEWEST:]
         last = assessed[-1] if len(assessed) else end - 1

@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from .._tables import metadata_of
-from .contract import Job, Outcome, PassedOver, message_of
+from .contract import Job, Outcome, PassedOver, message_of, shown
 
 ROWS = 50_000
 """Rows that are held in memory."""
@@ -106,7 +106,7 @@ def inputs_of(job: Job, outcomes: Iterable[Outcome], passed_over: Iterable[Passe
     digest = hashlib.sha256(f"{VERSION} {job.identity}\0{' '.join(SCHEMA.names)}\n".encode())
     digest.update("".join(f"{some.files} {some.first} {some.reason}\n" for some in passed_over).encode())
     for outcome in outcomes:
-        digest.update(f"{outcome.log}\0{outcome.key}\0{outcome.message}\n".encode())
+        digest.update(f"{shown(Path(outcome.log))}\0{outcome.key}\0{outcome.message}\n".encode())
     return digest.hexdigest()
 
 
@@ -164,7 +164,7 @@ class Results:
         """What the first lines of the results say; logs of the same bytes are assessed under the first name."""
         first: dict[str, str] = {}
         for outcome in self.outcomes:
-            log = Path(outcome.log).relative_to(self.folder).as_posix()
+            log = shown(Path(outcome.log).relative_to(self.folder))
             if not outcome.key:
                 self.bad.append({"log": log, "message": outcome.message})
                 continue

@@ -32,17 +32,12 @@ use functional::Faults;
 use urgency::{Left, Urgency};
 use use_so_far::{Last, Measured};
 
+pub use crate::fallen::{FELL, FELL_ADVICE, fallen_by};
 pub use functional::LimitingCriterion;
 pub use life_end::LifeEnd;
 pub use maintenance::{Event, EventKind, Events, ReplacedPart, UnreadableLine};
 pub use store::HistoryStore;
 pub use use_so_far::RunEnd;
-
-/// Why a window is doubted whose damage no longer has what earlier windows had: no damage heals. Begins the reason.
-pub const FELL: &str = "damage fell without a recorded repair";
-
-/// What to do about it. Ends the reason.
-pub const FELL_ADVICE: &str = "record the maintenance with hmd event, or check the sensors";
 
 /// What is kept of a unit from window to window.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -356,12 +351,17 @@ impl UnitHistory {
     pub(crate) fn note_published(&mut self, health: &record::Health, rul: &record::Rul) -> Vec<News> {
         let mut in_a_row = std::mem::take(&mut self.published.in_a_row);
         let mut news = in_a_row.update(health);
+        let published = LastWindow::new(health, rul, &in_a_row);
+        // A damage that stays fallen, as while a worn unit is not learnt, is told once.
+        let is_news = FaultId::ALL
+            .iter()
+            .any(|fault| published.fallen[fault.index()] && !self.published.fallen[fault.index()]);
         let fell = health.reason.split("; ").find(|reason| reason.starts_with(FELL));
-        news.extend(fell.map(|reason| News {
+        news.extend(fell.filter(|_| is_news).map(|reason| News {
             text: format!("{reason} (window {})", health.window),
             for_the_worse: true,
         }));
-        self.published = LastWindow::new(health, rul, &in_a_row);
+        self.published = published;
         news
     }
 

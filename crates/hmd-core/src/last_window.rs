@@ -3,6 +3,7 @@
 use ema_models::FaultId;
 use serde::{Deserialize, Serialize};
 
+use crate::fallen::fallen_by;
 use crate::health::HealthState;
 use crate::record::{Health, Rul};
 use crate::windows_in_a_row::WindowsInARow;
@@ -19,6 +20,9 @@ pub struct LastWindow {
     /// Hours left: 10, 50 and 90 % quantile.
     pub(crate) rul_h: [Option<f64>; 3],
     pub(crate) in_a_row: WindowsInARow,
+    /// Which damages it says to have fallen without a repair; older files had none.
+    #[serde(default)]
+    pub(crate) fallen: [bool; FaultId::COUNT],
 }
 
 impl LastWindow {
@@ -40,6 +44,7 @@ impl LastWindow {
             states: health.states(),
             rul_h: [rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h],
             in_a_row: in_a_row.clone(),
+            fallen: fallen_by(&health.reason),
         }
     }
 }

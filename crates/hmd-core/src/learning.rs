@@ -23,6 +23,9 @@ use crate::outbox::WindowJob;
 use crate::record::{UnitMark, WindowStatus};
 use kept_windows::KeptWindows;
 
+/// Why a unit with a known damage is not learnt. Begins the reason.
+pub const NOT_LEARNT: &str = "not learnt with";
+
 /// Learns the units of a run.
 #[derive(Debug)]
 pub struct Learner {
@@ -153,7 +156,7 @@ impl Learner {
         if let Some(known) = assessor.histories().history_at(&actuator, t_ns)?.known_damage() {
             let name = &actuator.name;
             let reason = format!(
-                "not learnt with {known}: repair it and record that (hmd event --reset {name}, with --part of one part)"
+                "{NOT_LEARNT} {known}: repair it and record that (hmd event --reset {name}, with --part of one part)"
             );
             self.windows.remove(name);
             if self.waiting.insert(name.clone()) {

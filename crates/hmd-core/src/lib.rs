@@ -21,6 +21,7 @@ pub mod dbc;
 pub mod deadline;
 pub mod demux;
 pub mod drive_bus;
+mod fallen;
 pub mod frame;
 pub mod functional_check;
 pub mod health;

@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use ema_models::FaultId;
 
 use crate::health::HealthState;
-use crate::history::{FELL, LifeEnd, ReplacedPart};
+use crate::history::{LifeEnd, ReplacedPart, fallen_by};
 use crate::record::{Health, LastShown, Rul};
 
 pub use joined::Joined;
@@ -51,12 +51,11 @@ impl Newest {
                 self.has_reading[fault.index()] |= estimate.tells_of(fault.parameter());
             }
         }
-        let fell = health.reason.split("; ").find(|reason| reason.starts_with(FELL));
+        let fell = fallen_by(&health.reason);
         let states = health.states().unwrap_or_default();
         for fault in FaultId::ALL {
-            let names = |reason: &str| reason.contains(&format!("{} ", fault.name()));
             let fallen = &mut self.fallen[fault.index()];
-            *fallen = fell.is_some_and(names) || (*fallen && states[fault.index()] < HealthState::Warning);
+            *fallen = fell[fault.index()] || (*fallen && states[fault.index()] < HealthState::Warning);
         }
         let t_ns = health.t_start_ns;
         let [first, last] = self.period_ns.unwrap_or([t_ns; 2]);
@@ -166,6 +165,7 @@ impl Newest {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::history::FELL;
     use crate::record::Estimate;
     use HealthState::{Critical, Nominal, Unknown, Watch};
 

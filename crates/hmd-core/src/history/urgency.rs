@@ -13,8 +13,8 @@ const HYSTERESIS: f64 = 1.2;
 
 /// State by the 10 % quantile of the hours left: worsens after as many windows in a row as the fault that ends the life
 /// needs by its damage, improves beyond the hysteresis, and after as many windows in a row by which that fault does not grow or its end is
-/// out of reach. A window that shows nothing of the fault changes nothing. While a trend has just begun anew by a jump, or that of the fault has
-/// too few estimates, nothing improves: the forecasts of other faults only raise.
+/// out of reach. A window that shows nothing of the fault changes nothing. While a damage lies above its trend, a trend has just begun anew by a
+/// jump, or that of the fault has too few estimates, nothing improves: the forecasts of other faults only raise.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Urgency {
     /// Windows in a row below `warning_h` and `critical_h`.
@@ -75,7 +75,8 @@ impl Urgency {
     /// Whether what ended the life may do so still, and its trend does not tell yet. A trend that jumped may be that of any fault: together
     /// they end the life, too.
     fn is_open(&self, forecast: &Forecast) -> bool {
-        let has_jumped = |life: &Result<_, NoTrend>| matches!(life, Err(NoTrend::Jumped { .. }));
+        let has_jumped =
+            |life: &Result<_, NoTrend>| matches!(life, Err(NoTrend::Jumped { .. } | NoTrend::AboveTrend { .. }));
         let has_few = |fault: FaultId| matches!(forecast.faults[fault.index()], Err(NoTrend::TooFew { .. }));
         forecast.faults.iter().any(has_jumped) || self.fault().is_some_and(has_few)
     }

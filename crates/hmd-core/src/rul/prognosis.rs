@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::forecast::{Remaining, quantile};
-use super::trend::Trend;
+use super::trend::{JUMP_AFTER, Trend};
 use super::usage::{Odometer, Usage};
 use ema_models::FaultId;
 
@@ -74,6 +74,12 @@ pub enum NoTrend {
     Jumped {
         /// Estimates since.
         got: u64,
+    },
+    /// Two or more of the newest estimates lie above what the trend explains: of a jump it tells nothing.
+    #[error("damage above its trend: with {JUMP_AFTER} estimates in a row a new one begins, {got} so far")]
+    AboveTrend {
+        /// Their number.
+        got: u32,
     },
     /// Growth is not sure, or too small to matter.
     #[error("no fault grows")]
@@ -227,6 +233,9 @@ impl Prognosis {
                 NoTrend::TooFew { got }
             });
         }
+        if let Some(got) = trend.above() {
+            return Err(NoTrend::AboveTrend { got });
+        }
         let rate = self.usage.rate().ok_or(NoTrend::TooFew { got })?;
         let passed = self.usage.now().hours - trend.last.hours;
         let remaining = Remaining::new(trend, rate, passed);
@@ -288,7 +297,8 @@ fn least_lacking(faults: &[Result<RemainingLife, NoTrend>; FaultId::COUNT]) -> N
         NoTrend::NoGrowth => (1, 0),
         NoTrend::TooFew { got } => (2, *got),
         NoTrend::Jumped { got } => (3, *got),
-        NoTrend::TooFar { .. } => (4, 0),
+        NoTrend::AboveTrend { got } => (4, u64::from(*got)),
+        NoTrend::TooFar { .. } => (5, 0),
     };
     let lacking = faults.iter().filter_map(|life| life.err());
     lacking.max_by_key(nearness).unwrap_or(NoTrend::NoGrowth)

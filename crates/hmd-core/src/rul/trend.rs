@@ -33,7 +33,7 @@ const START: usize = 3;
 const SLOPE_SIGMA_MAX: f64 = 1e100;
 
 /// Estimates in a row that fit no law, or lie apart from those before them, with which a new trend begins.
-const JUMP_AFTER: usize = 4;
+pub(super) const JUMP_AFTER: usize = 4;
 
 /// Estimates before those of a jump that are compared with them.
 const JUMP_BEFORE: usize = 2;
@@ -292,6 +292,13 @@ impl Trend {
             [] if !self.laws.is_empty() => mean(self.weights()),
             _ => 0.0,
         }
+    }
+
+    /// Number of the newest estimates in a row that fit no law, the newest of them above all laws; `None` where it is less than two, as a
+    /// single one is rather an outlier.
+    pub(super) fn above(&self) -> Option<u32> {
+        let is_above = self.recent.last().is_some_and(|newest| newest.damage > self.damage());
+        (self.misfits >= 2 && is_above).then_some(self.misfits)
     }
 
     /// Whether the damage has reached the end of life by more than one estimate: a single one may be an outlier.

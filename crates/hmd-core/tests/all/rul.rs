@@ -241,6 +241,16 @@ fn what_comes_twice_or_late_changes_nothing() {
 #[test]
 fn a_jump_begins_a_new_trend_and_is_reported() {
     let jumped = || steady(50).chain((50..).map(|n| (10.0 * f64::from(n), 0.5 + error(n as usize))));
+    // A single estimate is rather an outlier; of what two begin the trend before it tells nothing.
+    let before = after(steady(50), SIGMA).forecast(1.0);
+    assert_eq!(
+        after(jumped().take(51), SIGMA).forecast(1.0).actuator.is_ok(),
+        before.actuator.is_ok()
+    );
+    for got in 2..=3 {
+        let reason = after(jumped().take(50 + got), SIGMA).forecast(1.0).actuator;
+        assert_eq!(reason, Err(NoTrend::AboveTrend { got: got as u32 }));
+    }
     let prognosis = after(jumped().take(55), SIGMA);
     let reason = prognosis.forecast(1.0).actuator.expect_err("a new trend");
     assert!(matches!(reason, NoTrend::Jumped { .. }), "{reason}");

@@ -41,12 +41,21 @@ pub(super) fn faults(history: &History, rules: &Rules, zone: &Zone) -> String {
             return cells.map(escaped).to_vec();
         }
         let shown = history.newest.shown.of(fault);
-        let left = left[fault.index()].map_or_else(|| without_trend(shown, rules.of_windows(fault), state, rul), hours);
+        let above = shown.and_then(|shown| rules.level_above(fault, shown, state));
+        let left = match (left[fault.index()], above) {
+            (Some(left), _) => hours(left),
+            (None, Some(_)) => format!("no trend: {state} by the levels of the files"),
+            (None, None) => without_trend(shown, rules.of_windows(fault), state, rul),
+        };
+        let level = above.map_or_else(
+            || level(shown, rules.of_windows(fault), state, newest_ns),
+            |level| format!("{state} by the levels of the files, {level} by those of this page"),
+        );
         vec![
             escaped(fault.plain_name()),
             escaped(mode.item),
             shown.map_or_else(|| "not known".to_owned(), damage),
-            escaped(&level(shown, rules.of_windows(fault), state, newest_ns)),
+            escaped(&level),
             match (shown, in_doubt(history, fault)) {
                 (Some(shown), _) => time(&zone.minute(shown.t_start_ns)),
                 (None, Some(point)) => format!("in doubt since {}", time(&zone.minute(point.t_start_ns))),
@@ -121,7 +130,7 @@ fn without_trend(shown: Option<Shown>, mode: Option<&FaultMode>, state: HealthSt
         None => "no trend: not shown".to_owned(),
         Some(_) if state >= HealthState::Watch && !rul.reason.is_empty() => rul.reason.clone(),
         Some(_) if state >= HealthState::Watch => {
-            "no trend: the damage does not grow, or the windows are too few".to_owned()
+            "no trend: the damage does not grow, has jumped, or the windows are too few".to_owned()
         }
         Some(shown) => match mode.map(|mode| (level_of(shown.damage, mode), mode.significance_sigmas)) {
             None => "no trend: below the watch level, or within its uncertainty".to_owned(),

@@ -6,7 +6,7 @@ use ema_models::FaultId;
 use hmd_core::assess::OUTDATED;
 use hmd_core::config::HoursOf;
 use hmd_core::health::HealthState;
-use hmd_core::history::{Event, FELL, ReplacedPart};
+use hmd_core::history::{Event, ReplacedPart, fallen_by};
 use hmd_core::newest::Newest;
 use hmd_core::record::{Estimate, Health, Rul, Sensors, Window};
 
@@ -255,7 +255,7 @@ impl History {
     /// Whether some window knows of a replacement between the window at which the damage of a fault fell and the last one before that showed it:
     /// by an event, or by a calibration that is older than one.
     fn is_repaired(&self, fault: FaultId) -> bool {
-        let fell = |point: &&Point| names_fallen(&point.reason, fault);
+        let fell = |point: &&Point| fallen_by(&point.reason)[fault.index()];
         let Some(fell_ns) = self.points.iter().rfind(fell).map(|point| point.t_start_ns) else {
             return false;
         };
@@ -267,12 +267,6 @@ impl History {
         let is_repair = |point: &Point| (worn_ns + 1..=fell_ns).contains(&point.t_start_ns) && knows(point);
         self.points.iter().any(is_repair)
     }
-}
-
-/// Whether the reason of a window says that the damage of this fault fell.
-fn names_fallen(reason: &str, fault: FaultId) -> bool {
-    let mut reasons = reason.split("; ").filter(|reason| reason.starts_with(FELL));
-    reasons.any(|reason| reason.contains(&format!("{} ", fault.name())))
 }
 
 /// The requirement of the specification that ends the life, in words; `None` where a damage does, or nothing is predicted.

@@ -3,6 +3,7 @@
 use ema_models::FaultId;
 use hmd_core::catalogue::{FaultMode, catalogue};
 use hmd_core::health::{HealthState, Levels};
+use hmd_core::record::Shown;
 
 /// Levels and texts of the faults, and the level of the remaining life.
 pub(super) struct Rules {
@@ -32,6 +33,21 @@ impl Rules {
     pub(super) fn of_windows(&self, fault: FaultId) -> Option<&FaultMode> {
         self.are_levels_of_windows.then(|| self.of(fault))
     }
+
+    /// Level of a damage by the levels of this page, where the windows were assessed by others, which gave it this lower one.
+    pub(super) fn level_above(&self, fault: FaultId, shown: Shown, state: HealthState) -> Option<HealthState> {
+        let mode = self.of(fault);
+        let level = level_of(shown.damage, mode);
+        let is_above = !self.are_levels_of_windows && level > state && state != HealthState::Unknown;
+        (is_above && is_certain(shown, mode)).then_some(level)
+    }
+}
+
+/// Whether a damage is beyond its uncertainty.
+pub(super) fn is_certain(shown: Shown, mode: &FaultMode) -> bool {
+    shown
+        .sigma
+        .is_none_or(|sigma| shown.damage >= mode.significance_sigmas * sigma)
 }
 
 /// The level of a damage by itself.

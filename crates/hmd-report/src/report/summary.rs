@@ -6,6 +6,8 @@ use ema_models::FaultId;
 use hmd_core::assess::LOCKED;
 use hmd_core::counted::counted;
 use hmd_core::health::HealthState;
+use hmd_core::history::FELL;
+use hmd_core::learning::NOT_LEARNT;
 use hmd_core::record::{Rul, SensorReading};
 use hmd_core::sensor_health::SensorQuantity;
 
@@ -79,13 +81,15 @@ pub(super) fn headline(advice: &Recommendation, history: &History, zone: &Zone) 
             "<br>{which}{reason}{}.",
             escaped(&first_what_hinders(&health.reason))
         );
-    } else if !health.reason.is_empty() {
+    } else if let reason = left_of_reason(history)
+        && !reason.is_empty()
+    {
         let status = &health.status;
         let _ = write!(
             text,
             "<br>The newest window is {}: {}.",
             escaped(status),
-            escaped(&health.reason)
+            escaped(&reason)
         );
     }
     if let Some(since) = advice.suspected_since_ns {
@@ -156,6 +160,17 @@ fn with_damage(history: &History, fault: FaultId) -> String {
 fn first_what_hinders(reason: &str) -> String {
     let (first, then): (Vec<&str>, Vec<&str>) = reason.split("; ").partition(|part| part.contains(LOCKED));
     [first, then].concat().join("; ")
+}
+
+/// The reason of the newest window without what asks for the record of a replacement, where one was entered since.
+fn left_of_reason(history: &History) -> String {
+    let is_entered = !history.replaced_since.is_empty() || !history.entered_since.is_empty();
+    let asks = |part: &&str| {
+        part.starts_with(NOT_LEARNT) && is_entered || part.starts_with(FELL) && is_entered && !history.has_fallen()
+    };
+    let reason = &history.newest.health.reason;
+    let left: Vec<&str> = reason.split("; ").filter(|part| !asks(part)).collect();
+    left.join("; ")
 }
 
 /// Why the state is worse than that of every fault.

@@ -20,7 +20,7 @@ use ema_models::{ActuatorParams, DriveKind, FaultId};
 
 use crate::assess::{AssessError, Assessor, conditions, gain_sigma, hash_of_type};
 use crate::health::Levels;
-use crate::motion::motion_of;
+use crate::motion::{friction_sigma_by_temperature, motion_of};
 use crate::outbox::WindowJob;
 use crate::sensor_health::commissioned_sensors;
 use by_monitor::{CURRENT_TIME_CONSTANTS_S, MonitorLearnt, learn_monitor};
@@ -226,6 +226,10 @@ pub fn calibrate_unit(
         mut evidence,
     } = choose(&jobs[0], is_vector, by_relations.as_ref(), by_monitor.as_ref())?;
     evidence.widen(FaultId::Gain, gain_sigma(&jobs[0].params, seen.setpoint_held_s));
+    if seen.winding_temp_deg_c.is_none() {
+        let unknown = friction_sigma_by_temperature(&jobs[0], None);
+        evidence.widen(FaultId::Friction, unknown);
+    }
     let mut notes = Vec::new();
     if let (UnitEstimator::Relations, Some(monitor)) = (estimator, &by_monitor)
         && let Some(far) = monitor.far_parameter(&jobs[0])

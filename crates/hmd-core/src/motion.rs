@@ -83,15 +83,27 @@ pub(crate) fn beyond([least, most]: [f64; 2], value: f64) -> f64 {
     (least - value).max(value - most).max(0.0)
 }
 
+/// One standard deviation, K, of the temperature of a window from that of commissioning where one of both is not measured: the seasons of a
+/// place, or a motor that has worked for a while.
+pub(crate) const UNKNOWN_TEMPERATURE_SIGMA_K: f64 = 20.0;
+
 /// One standard deviation of the friction torque at the motor shaft, Nm, by a winding temperature ΔT beyond those of commissioning:
-/// `√((σ_d T_d)² + (σ_c C ω)²) · ΔT/80 K` with the tolerances of the logarithms of T_d and C at 80 K and the mean speed ω of the motion. 0
-/// where either temperature is not measured. Derived here.
+/// `√((σ_d T_d)² + (σ_c C ω)²) · ΔT/80 K` with the tolerances of the logarithms of T_d and C at 80 K and the mean speed ω of the motion. Where
+/// either temperature is not measured, ΔT is [`UNKNOWN_TEMPERATURE_SIGMA_K`]. Derived here.
 pub(crate) fn friction_torque_sigma(job: &WindowJob, commissioned_deg_c: Option<[f64; 2]>) -> f64 {
-    let (Some(range), Some(found)) = (commissioned_deg_c, job.conditions.winding_temp_deg_c) else {
-        return 0.0;
+    let off_k = match (commissioned_deg_c, job.conditions.winding_temp_deg_c) {
+        (Some(range), Some(found)) => beyond(range, found),
+        _ => UNKNOWN_TEMPERATURE_SIGMA_K,
     };
     let tolerances = &job.actuator.tolerances;
     let dry = tolerances.friction_temperature * job.params.transmission.friction_dynamic;
     let viscous = tolerances.viscous_temperature * job.params.motor.c * mean_speed(job);
-    dry.hypot(viscous) * beyond(range, found) / FRICTION_TEMPERATURE_SPAN_K
+    dry.hypot(viscous) * off_k / FRICTION_TEMPERATURE_SPAN_K
+}
+
+/// The same of the friction parameter k1, `½ σ_T/T_d`. A healthy `bench` 25 K colder than at commissioning, its C and T_d in the middle of their
+/// usual ranges, reads friction of 0.10. Derived here.
+pub(crate) fn friction_sigma_by_temperature(job: &WindowJob, commissioned_deg_c: Option<[f64; 2]>) -> f64 {
+    let dry = job.params.transmission.friction_dynamic.max(f64::MIN_POSITIVE);
+    0.5 * friction_torque_sigma(job, commissioned_deg_c) / dry
 }

@@ -266,6 +266,13 @@ impl Windower {
         self
     }
 
+    /// The same for currents of which only the quadrature one is measured, which may read 0 A for a while.
+    #[must_use]
+    pub fn of_quadrature_alone(mut self) -> Self {
+        self.limits.is_quadrature_alone = true;
+        self
+    }
+
     /// The same for samples without set point: motion of the motor begins a window.
     #[must_use]
     pub fn triggered_by_motion(mut self) -> Self {

@@ -8,7 +8,7 @@ use super::begun_by::BegunBy;
 use super::free_zero::move_set_point_to_rest;
 use crate::config::ActuatorConfig;
 use crate::history::RunEnd;
-use crate::log_map::Quantity;
+use crate::log_map::{Gap, Quantity};
 use crate::outbox::{Outbox, WindowJob};
 use crate::sample::{MeasuredConditions, SampleRate};
 use crate::window::{Window, WindowConfig, Windower};
@@ -75,6 +75,10 @@ impl Windowing {
                 .map(|windower| {
                     let drive = actuator.drive_bus.as_ref();
                     windower.with_quadrature_max(drive.and_then(|drive| drive.quadrature_max()))
+                })
+                .map(|windower| match &actuator.log {
+                    Some(log) if log.gaps().any(|gap| gap == Gap::DirectCurrent) => windower.of_quadrature_alone(),
+                    _ => windower,
                 })
                 .map(|windower| {
                     if actuator.has_set_point() {

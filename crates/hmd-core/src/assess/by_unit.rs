@@ -2,7 +2,7 @@
 
 use ema_identify::effort::{Effort, Request, Stage};
 use ema_identify::relations::{Needed, Relation, SinceCommissioning, is_coarsely_sampled};
-use ema_identify::unit_calibration::{UnitCalibration, UnitEstimator, UnitMonitor, UnitRelations, Unseen};
+use ema_identify::unit_calibration::{Seen, UnitCalibration, UnitEstimator, UnitMonitor, UnitRelations, Unseen};
 use ema_identify::unit_estimate::{USUAL_COST, UnitEstimate, corrected, estimate_by_relations, of_both};
 use ema_identify::{Estimate, Fit, Identifier, Inferred, Prepared};
 use ema_models::{ActuatorParams, Conditions, FAULT_COUNT, FaultId};
@@ -10,7 +10,9 @@ use ema_models::{ActuatorParams, Conditions, FAULT_COUNT, FaultId};
 use super::AssessError;
 use super::friction_sigma::{friction_sigma, gear_loss_sigma};
 use crate::log_map::Resampling;
-use crate::motion::{ONE_WAY_FACTOR, motion_of, moves_one_way};
+use crate::motion::{
+    ONE_WAY_FACTOR, UNKNOWN_TEMPERATURE_SIGMA_K, friction_sigma_by_temperature, motion_of, moves_one_way,
+};
 use crate::outbox::WindowJob;
 use crate::outliers::{estimate_without_outliers, identify_without_outliers};
 use crate::sample::MeasuredConditions;
@@ -184,12 +186,25 @@ pub(super) fn estimate(
     }
     reasons.extend(not_observable(&found));
     reasons.extend(unseen.iter().map(ToString::to_string));
+    reasons.extend(without_temperature(job, &unit.seen));
     Ok(Some(Assessed {
         estimate: found.estimate,
         fit,
         reasons,
         suspicion,
     }))
+}
+
+/// Sigma of friction, from which on it is said that it is that large for want of a temperature.
+const TOLD_SIGMA: f64 = 0.01;
+
+/// What is said where the winding temperature of a window or of commissioning is not known.
+fn without_temperature(job: &WindowJob, seen: &Seen) -> Option<String> {
+    let is_known = seen.winding_temp_deg_c.is_some() && job.conditions.winding_temp_deg_c.is_some();
+    let sigma = friction_sigma_by_temperature(job, seen.winding_temp_deg_c);
+    (!is_known && sigma >= TOLD_SIGMA).then(|| {
+        format!("no winding temperature, here or at commissioning: friction ± {sigma:.2} for {UNKNOWN_TEMPERATURE_SIGMA_K:.0} K")
+    })
 }
 
 /// What is said of a gain of one current sensor that shorts alone do not explain.

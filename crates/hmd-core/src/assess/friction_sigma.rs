@@ -1,14 +1,14 @@
 //! How far friction may be off for conditions that commissioning has not seen.
 
 use ema_identify::relations::{Directions, GearLossSigma, Term};
-use ema_identify::unit_calibration::{Seen, UnitCalibration, UnitParameter};
+use ema_identify::unit_calibration::{UnitCalibration, UnitParameter};
 
-use crate::motion::{beyond, friction_torque_sigma, moves_one_way};
+use crate::motion::{beyond, friction_sigma_by_temperature, moves_one_way};
 use crate::outbox::WindowJob;
 
 /// One standard deviation of k1 by load and temperature beyond those of commissioning.
 pub(super) fn friction_sigma(job: &WindowJob, unit: &UnitCalibration) -> f64 {
-    by_load(job, unit).hypot(by_temperature(job, &unit.seen))
+    by_load(job, unit).hypot(friction_sigma_by_temperature(job, unit.seen.winding_temp_deg_c))
 }
 
 /// One standard deviation of k1 by a measured load beyond those of commissioning, Nm. 0 where either is not measured.
@@ -41,11 +41,4 @@ fn dry_friction(job: &WindowJob, unit: &UnitCalibration) -> f64 {
     };
     let learnt = by_relations.or_else(by_monitor).filter(|learnt| *learnt > 0.0);
     learnt.unwrap_or(job.params.transmission.friction_dynamic)
-}
-
-/// The same by a winding temperature beyond those of commissioning, `½ σ_T/T_d`. A healthy `bench` 25 K colder than at commissioning, its C and
-/// T_d in the middle of their usual ranges, reads friction of 0.10. 0 where either temperature is not measured. Derived here.
-fn by_temperature(job: &WindowJob, seen: &Seen) -> f64 {
-    let dry = job.params.transmission.friction_dynamic.max(f64::MIN_POSITIVE);
-    0.5 * friction_torque_sigma(job, seen.winding_temp_deg_c) / dry
 }

@@ -80,7 +80,9 @@ fn load(
         .load_torque_nm
         .filter(|_| !is_coarsely_sampled(&job.params))?;
     // One scale of the friction does not follow a lubricant that is warmer, or colder, than at commissioning.
-    let of_lubricant = job.params.transmission.gear_ratio * friction_torque_sigma(job, commissioned.flatten());
+    let of_lubricant = commissioned.map_or(0.0, |temperatures| {
+        job.params.transmission.gear_ratio * friction_torque_sigma(job, temperatures)
+    });
     let load_sigma = |inferred: &Inferred, share: f64| load_sigma(job, inferred, share).hypot(of_lubricant);
     let off = |inferred: Inferred, share: f64| beyond(inferred.value - read, load_error) / load_sigma(&inferred, share);
     let needed = |Inferred { value, .. }: Inferred, sigma: f64| {

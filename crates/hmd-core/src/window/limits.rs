@@ -14,6 +14,8 @@ pub(super) struct Limits {
     pub(super) sample_rate: f64,
     pub(super) full_scale_a: f64,
     pub(super) current_lsb_a: f64,
+    /// Whether the currents are those of a quadrature current alone.
+    pub(super) is_quadrature_alone: bool,
     /// Largest magnitude of a quadrature current without a direct one that a drive's frames hold, A.
     pub(super) quadrature_max_a: Option<f64>,
     pub(super) rotor: Rotor,
@@ -52,6 +54,7 @@ impl Limits {
             sample_rate: sensors.sample_rate,
             full_scale_a: sensors.current_full_scale,
             current_lsb_a: sensors.current_lsb(),
+            is_quadrature_alone: false,
             quadrature_max_a: None,
             rotor: Rotor::new(params.motor.pole_pairs, sensors),
             output_lsb,

@@ -83,11 +83,17 @@ pub(super) fn stuck(slots: &[Slot], limits: &Limits) -> Option<Signal> {
         |s: &Slot| s.is_good(Part::Output),
     );
     let counters_good = |s: &Slot| motor_good(s) && output_good(s);
+    // A quadrature current alone, in steps as wide as what friction takes, reads 0 A for a while where a motor runs down.
+    let currents_stuck = if limits.is_quadrature_alone {
+        RUN_DOWN_FACTOR * limits.lengths.stuck
+    } else {
+        limits.lengths.stuck
+    };
 
     let frozen_currents = stands_while(
         slots.iter().filter(|s| currents_good(s) && motor_good(s)),
-        limits.lengths.stuck,
-        |a, b| a.currents.map(f64::to_bits) == b.currents.map(f64::to_bits),
+        currents_stuck,
+        |a, b| (0..3).all(|phase| is_held(a, b, phase)),
         |a, b| (motor(b) - motor(a)).abs() > MOTION_RAD,
     );
     let frozen_motor = stands_while(
@@ -119,14 +125,20 @@ pub(super) fn one_current_stuck(slots: &[Slot], limits: &Limits) -> bool {
         stands_while(
             slots.iter().filter(|s| s.was_received() && s.is_good(Part::Motor)),
             limits.lengths.stuck,
-            |a, b| a.currents[phase].is_finite() && a.currents[phase].to_bits() == b.currents[phase].to_bits(),
-            |a, b| {
-                let changed = |n: usize| a.currents[n].to_bits() != b.currents[n].to_bits();
-                (0..3).any(changed) && (motor(b) - motor(a)).abs() > MOTION_RAD
-            },
+            |a, b| a.currents[phase].is_finite() && is_held(a, b, phase),
+            |a, b| (0..3).any(|n| !is_held(a, b, n)) && (motor(b) - motor(a)).abs() > MOTION_RAD,
         )
     })
 }
+
+/// Whether a current is the same, bit for bit, but for the sign of 0 A, which the phases of a rotating vector have.
+fn is_held(a: &SensedSample, b: &SensedSample, phase: usize) -> bool {
+    let [a, b] = [a, b].map(|sample| sample.currents[phase] + 0.0);
+    a.to_bits() == b.to_bits()
+}
+
+/// How many times longer a quadrature current alone may read 0 A while the motor turns.
+const RUN_DOWN_FACTOR: usize = 10;
 
 /// Turn of the motor in which its currents must change, rad: two thirds of an electrical radian and more.
 const MOTION_RAD: f64 = 0.25;

@@ -21,6 +21,7 @@ mod live;
 mod measured_log;
 mod measurement_noise;
 mod no_output_angle;
+mod no_temperature;
 mod outputs;
 mod printed;
 mod refusals;

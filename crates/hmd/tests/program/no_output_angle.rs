@@ -47,7 +47,7 @@ fn the_zero_of_the_set_point_is_free() {
     folder.done("calibrate healthy.log -o unit.toml");
     let actuator = "[[actuator]]\nid = 0\ncalibration = \"unit.toml\"\n";
     folder.write("hmd.toml", format!("{actuator}{MAP}"));
-    for (fault, found) in [("", "[]"), ("--fault friction=0.2", "[\"friction\"]")] {
+    for (fault, found) in [("", "[]"), ("--fault friction=0.4", "[\"friction\"]")] {
         folder.done(&format!("{unit} --windows 2 --seed 9 {fault} -o later.log"));
         let later = String::from_utf8(folder.read("later.log")).expect("a log of text");
         for off in [0.0, 0.035, -0.5] {

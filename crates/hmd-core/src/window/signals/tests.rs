@@ -201,6 +201,29 @@ fn currents_are_stuck_after_20_ms_and_a_quarter_radian_of_the_motor() {
 }
 
 #[test]
+fn a_quadrature_current_alone_is_stuck_after_200_ms() {
+    let limits = Limits {
+        is_quadrature_alone: true,
+        ..exact()
+    };
+    for (still, expected) in [(399, None), (400, Some(Signal::Currents))] {
+        let slots = slots(500, |n, s| {
+            // The phases of 0 A have either sign.
+            let rest = if n % 2 == 0 { 0.0 } else { -0.0 };
+            s.currents = if (10..10 + still).contains(&n) {
+                [0.0, rest, -rest]
+            } else {
+                changing(n)
+            };
+            s.motor_counts = 100 * n as i64;
+            s.output_counts = n as i64 % 2;
+        });
+        assert_eq!(stuck(&slots, &limits), expected, "{still} samples");
+        assert!(!one_current_stuck(&slots, &limits), "{still} samples");
+    }
+}
+
+#[test]
 fn the_resolver_is_stuck_while_the_output_leaves_the_play() {
     let found = |still: usize, moved: i64| {
         let slots = standing(still, |n, held, s| {

@@ -13,6 +13,7 @@ mod frames;
 mod log;
 mod parquet;
 mod parquet_columns;
+mod parquet_headers;
 mod parquet_pages;
 mod resampled;
 

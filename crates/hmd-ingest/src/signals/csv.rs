@@ -6,9 +6,10 @@
 //! the names. A date and time (`2026-11-20T14:00:00.0005Z`, or without a zone, taken as UTC) counts as microseconds since 1970. Lines are at most
 //! 64 KiB long, and no quoted value goes over several.
 
+use std::cell::RefCell;
 use std::fmt::Debug;
 use std::io::BufRead;
-use std::sync::{Arc, LazyLock};
+use std::sync::Arc;
 
 use csv_core::{ReadRecordResult, Reader, ReaderBuilder};
 use hmd_storage::quoted;
@@ -49,17 +50,22 @@ pub struct CsvLog<R> {
     ended: bool,
 }
 
-/// Separators, each with a reader that is new: making one takes longer than it takes to cut a line. Of as many separators of two kinds in a
-/// line the first kind counts.
-static READERS: LazyLock<[(u8, Reader); 3]> = LazyLock::new(|| {
-    [b',', b';', b'\t'].map(|separator| (separator, ReaderBuilder::new().delimiter(separator).build()))
-});
+/// What may stand between cells. Of as many of two kinds in a line the first kind counts.
+const SEPARATORS: [u8; 3] = [b',', b';', b'\t'];
+
+thread_local! {
+    /// A reader for each of them. Nothing is kept in it from line to line, and making one takes longer than it takes to cut a line. A clone of one
+    /// cuts nothing (csv-core 0.1.13 leaves half of the tables out).
+    static READERS: RefCell<[Reader; SEPARATORS.len()]> =
+        RefCell::new(SEPARATORS.map(|separator| ReaderBuilder::new().delimiter(separator).build()));
+}
 
 /// Cuts lines into cells.
 #[derive(Debug)]
 struct Splitter {
+    /// The separator and its place in [`SEPARATORS`].
     separator: u8,
-    reader: Reader,
+    reader: usize,
     text: Vec<u8>,
     ends: Vec<usize>,
 }
@@ -278,13 +284,16 @@ impl Splitter {
     /// For a text whose first line is this one.
     fn of(names: &[u8]) -> Self {
         let count = |of: u8| names.iter().filter(|&&byte| byte == of).count();
-        let [comma, others @ ..] = &*READERS;
-        let (separator, reader) = others
-            .iter()
-            .fold(comma, |most, of| if count(of.0) > count(most.0) { of } else { most });
+        let reader = (1..SEPARATORS.len()).fold(0, |most, of| {
+            if count(SEPARATORS[of]) > count(SEPARATORS[most]) {
+                of
+            } else {
+                most
+            }
+        });
         Self {
-            separator: *separator,
-            reader: reader.clone(),
+            separator: SEPARATORS[reader],
+            reader,
             text: Vec::new(),
             ends: Vec::new(),
         }
@@ -298,21 +307,23 @@ impl Splitter {
             self.text.resize(most, 0);
             self.ends.resize(most, 0);
         }
-        self.reader.reset();
-        let (mut read, mut text, mut cells) = (0, 0, 0);
-        loop {
-            let (result, used, written, ended) =
-                self.reader
-                    .read_record(&line[read..], &mut self.text[text..], &mut self.ends[cells..]);
-            read += used;
-            text += written;
-            cells += ended;
-            match result {
-                ReadRecordResult::InputEmpty => {}
-                ReadRecordResult::OutputFull | ReadRecordResult::OutputEndsFull => return 0,
-                ReadRecordResult::Record | ReadRecordResult::End => return cells,
+        READERS.with_borrow_mut(|readers| {
+            let reader = &mut readers[self.reader];
+            reader.reset();
+            let (mut read, mut text, mut cells) = (0, 0, 0);
+            loop {
+                let (result, used, written, ended) =
+                    reader.read_record(&line[read..], &mut self.text[text..], &mut self.ends[cells..]);
+                read += used;
+                text += written;
+                cells += ended;
+                match result {
+                    ReadRecordResult::InputEmpty => {}
+                    ReadRecordResult::OutputFull | ReadRecordResult::OutputEndsFull => return 0,
+                    ReadRecordResult::Record | ReadRecordResult::End => return cells,
+                }
             }
-        }
+        })
     }
 
     /// A cell of the line cut last; empty where it is no UTF-8.

@@ -8,6 +8,7 @@
 
 use std::fmt;
 use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
 
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader};
 use parquet::data_type::{ByteArray, DataType, Int96};
@@ -17,6 +18,7 @@ use super::decoder_panics::guarded;
 use super::ended_once::EndedOnce;
 use super::log::{Between, SignalInfo, SignalLog, TextValue, Unusable};
 use super::parquet_columns::{decimals, info, is_plain, is_unsigned};
+use super::parquet_headers::BoundedPages;
 use super::parquet_pages::CheckedPages;
 use crate::damage::{Damage, Place};
 
@@ -34,7 +36,7 @@ const TEXT_MAX: usize = 256;
 
 /// Reads a table from a file.
 pub struct ParquetLog<R: ChunkReader + 'static> {
-    reader: SerializedFileReader<EndedOnce<R>>,
+    reader: SerializedFileReader<BoundedPages<EndedOnce<R>>>,
     file: Arc<str>,
     signals: Vec<SignalInfo>,
     not_read: Vec<String>,
@@ -76,8 +78,10 @@ impl<R: ChunkReader + 'static> ParquetLog<R> {
     /// There is no table of plain columns.
     pub fn new(input: R, file: &str) -> Result<Self, Unusable> {
         let length = input.len();
-        let reader = guarded(|| SerializedFileReader::new(EndedOnce(input)).map_err(|error| one_line(&error)))
+        let (input, are_pages) = BoundedPages::new(EndedOnce(input));
+        let reader = guarded(|| SerializedFileReader::new(input).map_err(|error| one_line(&error)))
             .map_err(|found| Unusable::new("a Parquet file", found))?;
+        are_pages.store(true, Relaxed);
         let (mut signals, mut not_read, mut columns) = (Vec::new(), Vec::new(), Vec::new());
         for (n, column) in reader
             .metadata()

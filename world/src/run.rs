@@ -26,7 +26,7 @@ use crate::bus::{Bus, Given};
 use crate::clock::WorldClock;
 use crate::disk::{Mood, WorldDisk};
 use crate::host::Host;
-use crate::plan::{BUSES, CALM, DEVICES, Plan};
+use crate::plan::{BUSES, CALM, DEVICES, LASTS_MAX, Plan};
 use crate::segment::Messages;
 use crate::stand_in::StandIn;
 use crate::traffic::{Device, PERIOD};
@@ -77,6 +77,10 @@ pub(crate) struct World {
     heard: [bool; BUSES as usize * DEVICES as usize],
     /// Samples of each actuator since its last whole one: nothing tells the program of them if none follows.
     unconfirmed: [u64; BUSES as usize * DEVICES as usize],
+    /// Of each device, by how much the wall clock stepped since its last whole sample.
+    pub(crate) stepped: [Duration; BUSES as usize * DEVICES as usize],
+    /// Whether the last sample of each device did not come whole.
+    is_missing: [bool; BUSES as usize * DEVICES as usize],
     /// Up to when the devices have sent.
     sampled: Duration,
     pub(crate) next: usize,
@@ -143,6 +147,8 @@ pub(crate) fn live(plan: &Plan, show: bool) -> anyhow::Result<(World, Host)> {
         ticks: Vec::new(),
         heard: Default::default(),
         unconfirmed: Default::default(),
+        stepped: Default::default(),
+        is_missing: Default::default(),
         sampled: Duration::ZERO,
         next: 0,
         calms_disk: Duration::ZERO,
@@ -386,15 +392,26 @@ impl World {
                 let number = usize::from(*bus);
                 frames.clear();
                 device.next_sample(&mut stamps[number], &mut self.rng, &mut frames);
+                let mut came = false;
                 if self.buses[number].silent == Duration::ZERO {
                     let at = (*bus, self.sampled);
                     let is_whole = self.buses[number].carry(at, &mut frames, &mut self.rng, given, inputs);
+                    came = is_whole;
                     self.heard[index] |= is_whole;
                     self.unconfirmed[index] += u64::from(self.heard[index]);
                     if is_whole {
                         given.whole += 1;
                         given.samples += std::mem::take(&mut self.unconfirmed[index]);
                     }
+                }
+                // A silence, of a sample and more, in which the clock has stepped.
+                let is_silence = std::mem::replace(&mut self.is_missing[index], !came) || !came;
+                let stepped = self.stepped[index];
+                if is_silence && stepped > Duration::ZERO && device.may_seem_new_within(stepped + 3 * LASTS_MAX) {
+                    given.untold += 1;
+                }
+                if came {
+                    self.stepped[index] = Duration::ZERO;
                 }
             }
         }

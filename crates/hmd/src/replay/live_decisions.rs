@@ -132,12 +132,12 @@ impl LiveDecisions {
         self.current = self.of_logs.get(number).cloned().flatten();
     }
 
-    /// Whether the run of the log decided on this window. Windows are assessed in the order in which they end: behind the last one that was
-    /// marked as assessed, it has dropped some at most.
+    /// Whether the run of the log decided on this window. A run that came to its end decided on all of them. Else windows are assessed in the
+    /// order in which they end: behind the last one that was marked as assessed, it has dropped some at most.
     pub(super) fn was_decided(&mut self, window: &WindowKey) -> bool {
         let is_dropped = self.dropped.contains(window);
         self.current_run().is_none_or(|run| {
-            let is_before_end = run.last.is_some();
+            let is_before_end = run.is_ended || run.last.is_some();
             run.last.take_if(|last| last == window);
             is_before_end || is_dropped
         })
@@ -191,6 +191,15 @@ mod tests {
         live.runs.insert("run".to_owned(), marked);
         let met: Vec<u64> = (2..9).filter(|n| live.was_decided(&window(*n))).collect();
         assert_eq!(met, [2, 3, 4, 5], "3 has lost its mark alone");
+        let ended = MarkedRun {
+            last: None,
+            is_ended: true,
+        };
+        live.runs.insert("run".to_owned(), ended);
+        assert!(
+            live.was_decided(&window(6)),
+            "a window that a run forgets at its end is missed in its records"
+        );
         let killed_at_once = LiveDecisions {
             runs: [("run".to_owned(), MarkedRun::default())].into(),
             current: Some("run".to_owned()),

@@ -141,7 +141,7 @@ fn prepare(root: &Path) -> anyhow::Result<()> {
         "--rate",
         "400",
         "--fault",
-        "friction=0.4",
+        "backlash=0.4",
         "--windows",
         WINDOWS,
         "-o",

@@ -203,6 +203,8 @@ impl World {
         self.disk.begin_run(self.runs.len());
         self.heard = Default::default();
         self.unconfirmed = Default::default();
+        self.stepped = Default::default();
+        self.is_missing = Default::default();
         self.runs.push(RunFacts {
             config: config.clone(),
             began: clock.now(),

@@ -508,3 +508,22 @@ fn a_stored_history_with_any_number_in_it_does_not_stop_the_daemon() {
     }
     assert!(refused > 50 && taken > 50, "{refused} refused, {taken} taken");
 }
+
+/// While a worn unit is not learnt every window says so.
+#[test]
+fn a_damage_that_stays_fallen_is_news_once() {
+    let mut history = UnitHistory::new(&config(""), None).expect("levels");
+    let mut is_told = |reason: &str| {
+        let health = record::Health {
+            reason: reason.to_owned(),
+            ..record::Health::default()
+        };
+        let news = history.note_published(&health, &record::Rul::default());
+        news.iter().any(|news| news.text.starts_with(FELL))
+    };
+    let fell = |what: &str| format!("2 samples lost; {FELL} ({what}): {FELL_ADVICE}");
+    let friction = fell("friction 0.01 ± 0.01 after warning");
+    let both = fell("friction 0.02 ± 0.01 after warning, short_a 0.00 ± 0.01 after critical");
+    let told = ["", &friction, &friction, &both, &both, "", &friction].map(&mut is_told);
+    assert_eq!(told, [false, true, false, true, false, false, true]);
+}

@@ -63,9 +63,8 @@ thread_local! {
 /// Cuts lines into cells.
 #[derive(Debug)]
 struct Splitter {
-    /// The separator and its place in [`SEPARATORS`].
-    separator: u8,
-    reader: usize,
+    /// Place of its separator in [`SEPARATORS`].
+    kind: usize,
     text: Vec<u8>,
     ends: Vec<usize>,
 }
@@ -133,7 +132,7 @@ impl<R: BufRead + Debug> CsvLog<R> {
                 continue;
             }
             let next = as_utf8(trim_line_end(self.lines.text()));
-            let separator = self.splitter.separator;
+            let separator = self.splitter.separator();
             let is_row = self.splitter.split(&next) == count && {
                 let first = self.splitter.cell(0);
                 number(first, separator).is_some() || date_us(first).is_some()
@@ -150,7 +149,7 @@ impl<R: BufRead + Debug> CsvLog<R> {
     /// Takes the line after the names: units where none of its cells is a value, else the first values. Among units, 1 is that of a number
     /// without one.
     fn read_units(&mut self) {
-        let separator = self.splitter.separator;
+        let separator = self.splitter.separator();
         let is_value = |cell: &&str| number(cell, separator).is_some() || date_us(cell).is_some();
         let is_one = |cell: &&str| unit_alone(cell) == "1";
         for _ in 0..2 {
@@ -251,7 +250,7 @@ impl<R: BufRead + Debug> SignalLog for CsvLog<R> {
             }
         }
         let line = first.as_deref().unwrap_or_else(|| trim_line_end(self.lines.text()));
-        let (separator, count) = (self.splitter.separator, self.signals.len());
+        let (separator, count) = (self.splitter.separator(), self.signals.len());
         let found = self.splitter.split(line);
         if found != count {
             let found = format!("{found} cells, where there are {count} names");
@@ -284,7 +283,7 @@ impl Splitter {
     /// For a text whose first line is this one.
     fn of(names: &[u8]) -> Self {
         let count = |of: u8| names.iter().filter(|&&byte| byte == of).count();
-        let reader = (1..SEPARATORS.len()).fold(0, |most, of| {
+        let kind = (1..SEPARATORS.len()).fold(0, |most, of| {
             if count(SEPARATORS[of]) > count(SEPARATORS[most]) {
                 of
             } else {
@@ -292,11 +291,14 @@ impl Splitter {
             }
         });
         Self {
-            separator: SEPARATORS[reader],
-            reader,
+            kind,
             text: Vec::new(),
             ends: Vec::new(),
         }
+    }
+
+    fn separator(&self) -> u8 {
+        SEPARATORS[self.kind]
     }
 
     /// Cuts a line; how many cells it has. More than a line can have are not cut.
@@ -308,7 +310,7 @@ impl Splitter {
             self.ends.resize(most, 0);
         }
         READERS.with_borrow_mut(|readers| {
-            let reader = &mut readers[self.reader];
+            let reader = &mut readers[self.kind];
             reader.reset();
             let (mut read, mut text, mut cells) = (0, 0, 0);
             loop {

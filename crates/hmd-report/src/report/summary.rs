@@ -6,7 +6,7 @@ use ema_models::FaultId;
 use hmd_core::assess::LOCKED;
 use hmd_core::counted::counted;
 use hmd_core::health::HealthState;
-use hmd_core::history::FELL;
+use hmd_core::history::{FELL, ReplacedPart};
 use hmd_core::learning::NOT_LEARNT;
 use hmd_core::record::{Rul, SensorReading};
 use hmd_core::sensor_health::SensorQuantity;
@@ -162,11 +162,19 @@ fn first_what_hinders(reason: &str) -> String {
     [first, then].concat().join("; ")
 }
 
-/// The reason of the newest window without what asks for the record of a replacement, where one was entered since.
+/// The reason of the newest window without what asks for the record of a replacement that was entered since.
 fn left_of_reason(history: &History) -> String {
-    let is_entered = !history.replaced_since.is_empty() || !history.entered_since.is_empty();
+    let entered = || history.replaced_since.iter().chain(&history.entered_since);
+    let is_new = |fault: FaultId| entered().any(|of| ReplacedPart::renews(of.part, fault));
+    let is_new_unit = entered().any(|of| of.part.is_none());
+    let answers = |part: &str| {
+        let named = |fault: &FaultId| part.contains(&format!("{} at ", fault.name()));
+        let mut worn = FaultId::ALL.into_iter().filter(named).peekable();
+        is_new_unit || worn.peek().is_some() && worn.all(is_new)
+    };
     let asks = |part: &&str| {
-        part.starts_with(NOT_LEARNT) && is_entered || part.starts_with(FELL) && is_entered && !history.has_fallen()
+        part.starts_with(NOT_LEARNT) && answers(part)
+            || part.starts_with(FELL) && entered().next().is_some() && !history.has_fallen()
     };
     let reason = &history.newest.health.reason;
     let left: Vec<&str> = reason.split("; ").filter(|part| !asks(part)).collect();
@@ -290,7 +298,6 @@ mod tests {
     use super::super::rules::Rules;
     use super::*;
     use crate::report::clock_doubt::ClockDoubt;
-    use hmd_core::history::ReplacedPart;
     use hmd_core::record::Health;
 
     fn advice(state: HealthState) -> Recommendation {
@@ -526,5 +533,29 @@ mod tests {
         }
         let text = little_operation(&mixed);
         assert!(text.is_some_and(|text| text.contains("hold 6 min within 100 h")));
+    }
+
+    #[test]
+    fn a_reason_that_asks_for_what_was_entered_since_is_left_out() {
+        let mut history = History::default();
+        let reason = format!(
+            "2 samples lost; {NOT_LEARNT} friction at warning: repair it; {FELL} (friction 0.01 ± 0.01 after warning): check"
+        );
+        history.add(Health {
+            reason: reason.clone(),
+            ..Health::default()
+        });
+        history.newest.fallen[FaultId::Friction.index()] = true;
+        assert_eq!(left_of_reason(&history), reason);
+        let of = |part| Replacement {
+            part: Some(part),
+            t_ns: 1,
+            note: String::new(),
+        };
+        // A controller has no bearings.
+        history.replaced_since = vec![of(ReplacedPart::Controller)];
+        assert_eq!(left_of_reason(&history), reason);
+        history.replaced_since = vec![of(ReplacedPart::Gearbox)];
+        assert_eq!(left_of_reason(&history), "2 samples lost");
     }
 }

@@ -396,6 +396,22 @@ fn a_level_that_no_recording_is_long_enough_for_is_told() {
     let expected = "Friction counts as critical once 2 windows in a row show it, and the newest recording has 1: replay the logs as one.";
     assert_eq!(action(&history, 2), expected);
     assert_eq!(action(&history, 1), "No action.");
+    // By other levels than those of the windows the damage has its level at once; where they are not higher nothing is said.
+    let by_page = |watch: f64| {
+        let levels = Levels {
+            watch,
+            warning: watch + 0.1,
+            critical: watch + 0.2,
+            ..Levels::default()
+        };
+        let rules = Rules::new(&[levels; FaultId::COUNT], 0.0, false);
+        recommendation(&history, &rules, &Zone::utc()).action
+    };
+    let expected = "Friction is at watch by the levels of this page, but the files were recorded with others: replay the logs with this configuration.";
+    assert_eq!(
+        (by_page(0.7).as_str(), by_page(0.75).as_str()),
+        (expected, "No action.")
+    );
     // One that is long enough decides by itself.
     history.points[1].begins_recording = false;
     history.points[2].begins_recording = false;

@@ -1,6 +1,6 @@
 //! Files of unit histories: one for each actuator, versioned, replaced as a whole.
 
-use std::fs::{self, File, TryLockError};
+use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 use sha2::{Digest, Sha256};
 
+use crate::held_lock::HeldLock;
 use crate::output_file::create_folder;
 use crate::regular_file::{create_temporary, read_regular};
 use crate::same_file::is_same_file;
@@ -120,25 +121,23 @@ pub fn save(directory: &Path, actuator: &str, history: &UnitHistory) -> Result<(
 /// Name of the file whose lock says that a run keeps its histories in a folder.
 const LOCK: &str = "histories.lock";
 
-/// Takes the folder of the histories, made if need be, for one run: two would overwrite what the other learns. It is free when the returned
-/// file is closed.
+/// Takes the folder of the histories, made if need be, for one run: two would overwrite what the other learns. It is free when what is
+/// returned is dropped.
 ///
 /// # Errors
 /// [`StateError::Io`]; also where another run has it.
-pub fn hold(directory: &Path) -> Result<File, StateError> {
+pub fn hold(directory: &Path) -> Result<HeldLock, StateError> {
     let failed = |source| StateError::Io {
         path: directory.display().to_string(),
         source,
     };
-    let lock = open_lock(directory).map_err(failed)?;
-    match lock.try_lock() {
-        Ok(()) => Ok(lock),
-        Err(TryLockError::WouldBlock) => Err(failed(io::Error::new(
+    let lock = open_lock(directory).and_then(HeldLock::take).map_err(failed)?;
+    lock.ok_or_else(|| {
+        failed(io::Error::new(
             io::ErrorKind::ResourceBusy,
             "expected histories that no other hmd keeps, found some in use",
-        ))),
-        Err(TryLockError::Error(cause)) => Err(failed(cause)),
-    }
+        ))
+    })
 }
 
 /// Whether [`hold`] would take a folder, whose lock is not kept; `own` is the folder that this process has taken already.

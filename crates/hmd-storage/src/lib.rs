@@ -7,6 +7,7 @@ pub mod calibration_file;
 pub mod clock;
 pub mod config_file;
 pub mod event_file;
+pub mod held_lock;
 pub mod history_file;
 pub mod mcap;
 pub mod mcap_writer;

@@ -19,7 +19,7 @@ pub use disk::{Disk, Out, RealDisk};
 pub use list::{Segment, current_path, raw_segment_number, raw_segments, records_segments};
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::{self, File, TryLockError};
+use std::fs::{self, File};
 use std::io;
 use std::os::fd::AsRawFd;
 use std::os::unix::fs::MetadataExt;
@@ -28,6 +28,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use crate::clock::now_ns;
+use crate::held_lock::HeldLock;
 use crate::is_full;
 use crate::mcap_writer::McapWriteError;
 use crate::output_file::create_folder;
@@ -98,7 +99,7 @@ pub struct SegmentStore {
     capture: Option<Capture>,
     disk: Arc<dyn Disk>,
     /// The folder, locked; none as long as it cannot be had.
-    lock: Option<File>,
+    lock: Option<HeldLock>,
     /// The folder's name was a link when it was first locked.
     is_link: bool,
     repair: Option<BackgroundRepair>,
@@ -206,7 +207,7 @@ impl SegmentStore {
     }
 
     /// Makes the locked folder ours: repairs what is in it.
-    fn take_folder(&mut self, lock: File) -> io::Result<()> {
+    fn take_folder(&mut self, lock: HeldLock) -> io::Result<()> {
         let found = repair::repair_folder(&self.folder, &*self.disk)?;
         if self.lock.is_none() {
             self.is_link = is_link(&self.folder);
@@ -439,7 +440,7 @@ impl SegmentStore {
 
     /// Whether the folder is the one that is held, under its name.
     fn is_held(&self) -> bool {
-        let held = self.lock.as_ref().map(File::metadata);
+        let held = self.lock.as_ref().map(|lock| lock.file().metadata());
         let held = matches!((fs::metadata(&self.folder), held), (Ok(found), Some(Ok(held))) if is_same(&found, &held));
         held && (self.is_link || !is_link(&self.folder))
     }
@@ -447,7 +448,7 @@ impl SegmentStore {
     /// Where the segments in progress are: in the folder, or where it was moved to.
     fn place(&self) -> PathBuf {
         let moved = self.lock.as_ref().filter(|_| !self.is_held());
-        moved.map_or_else(|| self.folder.clone(), path_of)
+        moved.map_or_else(|| self.folder.clone(), |lock| path_of(lock.file()))
     }
 
     /// Takes the folder if it is not held yet, and continues in a new one when it was moved, removed or replaced.
@@ -460,7 +461,10 @@ impl SegmentStore {
         if !is_new && !self.is_link && is_link(&self.folder) {
             return Err(became_link());
         }
-        let became = match (self.lock.as_ref().and_then(moved_to), self.folder.exists()) {
+        let became = match (
+            self.lock.as_ref().and_then(|lock| moved_to(lock.file())),
+            self.folder.exists(),
+        ) {
             (Some(place), true) => {
                 let place = place.display();
                 format!(
@@ -651,14 +655,9 @@ fn became_link() -> io::Error {
 }
 
 /// The folder, made if need be and locked; `None` if another process has it.
-fn hold(folder: &Path) -> io::Result<Option<File>> {
+fn hold(folder: &Path) -> io::Result<Option<HeldLock>> {
     create_folder(folder)?;
-    let lock = File::open(folder)?;
-    match lock.try_lock() {
-        Ok(()) => Ok(Some(lock)),
-        Err(TryLockError::WouldBlock) => Ok(None),
-        Err(TryLockError::Error(cause)) => Err(cause),
-    }
+    HeldLock::take(File::open(folder)?)
 }
 
 /// Most different failures that are reported before everything is stored again.

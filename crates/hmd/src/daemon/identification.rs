@@ -1,6 +1,5 @@
 //! The identification thread: windows of the queue to records. CPU-bound.
 
-use std::fs::File;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
@@ -18,6 +17,7 @@ use hmd_core::outbox::Notice;
 use hmd_core::record::{LogLevel, WindowStatus};
 use hmd_storage::calibration_file::{load_learnt, load_models, remove_learnt, save_learnt};
 use hmd_storage::event_file::load_events;
+use hmd_storage::held_lock::HeldLock;
 use hmd_storage::history_file;
 
 /// State of the thread.
@@ -28,7 +28,7 @@ pub(super) struct Identification<'a, C> {
     learner: Learner,
     turns: Turns<'a, C>,
     /// Folder of the unit histories, if they are kept, and the lock that makes it this run's.
-    histories: Option<(PathBuf, File)>,
+    histories: Option<(PathBuf, HeldLock)>,
 }
 
 impl<'a, C: HostClock> Identification<'a, C> {

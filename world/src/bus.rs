@@ -7,6 +7,8 @@ use hmd_ingest::feed::{Input, LiveLoss};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
+use crate::plan::{BUSES, DEVICES};
+
 /// Length of a shortened frame, bytes.
 const SHORT: usize = 3;
 /// Identifier of a device that nobody watches.
@@ -31,8 +33,9 @@ pub(crate) struct Given {
     pub whole: u64,
     /// Times that an actuator began anew.
     pub resets: u64,
-    /// Times that the wall clock stepped in a silence behind which nothing tells that a device did not begin anew.
-    pub untold: u64,
+    /// The actuators whose counter went back, or may seem to: they began anew, a bit of a frame changed, or the wall clock stepped in a
+    /// silence behind which nothing tells that they did not begin anew.
+    pub counts_back: [bool; BUSES as usize * DEVICES as usize],
 }
 
 impl Given {

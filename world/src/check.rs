@@ -13,7 +13,7 @@ use crate::disk::Removed;
 use crate::health_oracle::HealthOracle;
 use crate::host::{Host, Reported};
 use crate::plan::{BUSES, DEVICES};
-use crate::run::{World, actuator};
+use crate::run::{World, actuator, place};
 use crate::stand_in::StandIn;
 
 /// What a run of the world showed.
@@ -121,10 +121,16 @@ fn check_counts(reported: &[Reported], world: &World, outcome: &mut Outcome) {
         }
         let kinds = status.frames_decoded + status.frames_filtered + status.frames_error + status.lost_malformed;
         // A changed bit may be one of the counter, and a device that starts again begins to count anew.
-        let is_countable = given.resets + given.flipped + given.untold == 0;
+        let is_countable = !given.counts_back.contains(&true);
         let cut = CutShort::CounterWentBack.to_string();
-        let went_back = |of: &&Reported| of.run == run && of.health.reason.contains(&cut);
-        if let Some(of) = reported.iter().filter(|_| is_countable).find(went_back) {
+        let devices = (0..BUSES).flat_map(|bus| (0..DEVICES).map(move |device| (bus, device)));
+        let rises: Vec<String> = devices
+            .filter(|&(bus, device)| !given.counts_back[place(bus, device)])
+            .map(|(bus, device)| actuator(bus, device))
+            .collect();
+        let went_back =
+            |of: &&Reported| of.run == run && of.health.reason.contains(&cut) && rises.contains(&of.health.actuator);
+        if let Some(of) = reported.iter().find(went_back) {
             let (actuator, window) = (&of.health.actuator, of.health.window);
             outcome
                 .violations

@@ -16,7 +16,7 @@ use rand::RngExt;
 use crate::disk::Mood;
 use crate::host::Host;
 use crate::plan::{BUSES, CALM, DEVICES, Disturbance, LASTS_MAX, What};
-use crate::run::{End, World, actuator, link};
+use crate::run::{End, World, actuator, link, place};
 use crate::segment::read_messages;
 
 /// A bus-off, as the kernel reports it: its class, and that of a restarted controller.
@@ -78,10 +78,11 @@ impl World {
                 inputs.push(link(bus, &host.clock, LinkState::Down));
             }
             What::Reset(bus, device) => {
-                let index = usize::from(bus) * usize::from(DEVICES) + usize::from(device);
+                let index = place(bus, device);
                 self.devices[index].1.reset();
                 if let Some(facts) = self.runs.last_mut() {
                     facts.given.resets += 1;
+                    facts.given.counts_back[index] = true;
                 }
             }
             What::Disk(mood, lasts) => {

@@ -26,7 +26,7 @@ use crate::bus::{Bus, Given};
 use crate::clock::WorldClock;
 use crate::disk::{Mood, WorldDisk};
 use crate::host::Host;
-use crate::plan::{BUSES, CALM, DEVICES, LASTS_MAX, Plan};
+use crate::plan::{BUSES, CALM, DEVICES, Plan};
 use crate::segment::Messages;
 use crate::stand_in::StandIn;
 use crate::traffic::{Device, PERIOD};
@@ -79,8 +79,8 @@ pub(crate) struct World {
     unconfirmed: [u64; BUSES as usize * DEVICES as usize],
     /// Of each device, by how much the wall clock stepped since its last whole sample.
     pub(crate) stepped: [Duration; BUSES as usize * DEVICES as usize],
-    /// Whether the last sample of each device did not come whole.
-    is_missing: [bool; BUSES as usize * DEVICES as usize],
+    /// When the last whole sample of each device came.
+    whole_at: [Duration; BUSES as usize * DEVICES as usize],
     /// Up to when the devices have sent.
     sampled: Duration,
     pub(crate) next: usize,
@@ -148,7 +148,7 @@ pub(crate) fn live(plan: &Plan, show: bool) -> anyhow::Result<(World, Host)> {
         heard: Default::default(),
         unconfirmed: Default::default(),
         stepped: Default::default(),
-        is_missing: Default::default(),
+        whole_at: Default::default(),
         sampled: Duration::ZERO,
         next: 0,
         calms_disk: Duration::ZERO,
@@ -204,7 +204,6 @@ impl World {
         self.heard = Default::default();
         self.unconfirmed = Default::default();
         self.stepped = Default::default();
-        self.is_missing = Default::default();
         self.runs.push(RunFacts {
             config: config.clone(),
             began: clock.now(),
@@ -395,6 +394,7 @@ impl World {
                 frames.clear();
                 device.next_sample(&mut stamps[number], &mut self.rng, &mut frames);
                 let mut came = false;
+                let flipped = given.flipped;
                 if self.buses[number].silent == Duration::ZERO {
                     let at = (*bus, self.sampled);
                     let is_whole = self.buses[number].carry(at, &mut frames, &mut self.rng, given, inputs);
@@ -406,15 +406,13 @@ impl World {
                         given.samples += std::mem::take(&mut self.unconfirmed[index]);
                     }
                 }
-                // A silence, of a sample and more, in which the clock has stepped.
-                let is_silence = std::mem::replace(&mut self.is_missing[index], !came) || !came;
-                let stepped = self.stepped[index];
-                if is_silence && stepped > Duration::ZERO && device.may_seem_new_within(stepped + 3 * LASTS_MAX) {
-                    given.untold += 1;
-                }
                 if came {
-                    self.stepped[index] = Duration::ZERO;
+                    let stepped = std::mem::take(&mut self.stepped[index]);
+                    let silence = self.sampled - std::mem::replace(&mut self.whole_at[index], self.sampled);
+                    let is_untold = silence > PERIOD && stepped > Duration::ZERO;
+                    given.counts_back[index] |= is_untold && device.may_have_begun_within(silence + stepped);
                 }
+                given.counts_back[index] |= given.flipped > flipped;
             }
         }
     }
@@ -442,5 +440,10 @@ pub(crate) fn link(bus: u16, clock: &WorldClock, state: LinkState) -> Input {
 
 /// Name of an actuator.
 pub(crate) fn actuator(bus: u16, device: u8) -> String {
-    format!("ema{}", bus * u16::from(DEVICES) + u16::from(device))
+    format!("ema{}", place(bus, device))
+}
+
+/// Place of a device among all.
+pub(crate) fn place(bus: u16, device: u8) -> usize {
+    usize::from(bus) * usize::from(DEVICES) + usize::from(device)
 }

@@ -77,12 +77,12 @@ impl Device {
         (self.sent, self.at) = (0, 0);
     }
 
-    /// Whether its counter, of 16 bits, could come from zero within this time from now on, or from up to this time before: behind a silence
-    /// in which the receiver's clock steps, nothing tells that from another beginning.
-    pub fn may_seem_new_within(&self, time: Duration) -> bool {
-        let samples = time.as_millis() as u64 * RATE_HZ / 1000;
-        let counter = self.sent % (1 << 16);
-        counter <= samples || counter + samples >= 1 << 16
+    /// Whether its last sample may be the one that it would have sent, had it begun anew within the time before: behind a silence in which the
+    /// receiver's clock steps, nothing tells that from going on. Half a second and a tenth of the time are what a receiver allows.
+    pub fn may_have_begun_within(&self, time: Duration) -> bool {
+        let allowed = time.mul_f64(1.1) + Duration::from_millis(500);
+        let counter = (self.sent - 1) % (1 << 16);
+        counter <= allowed.as_millis() as u64 * RATE_HZ / 1000
     }
 
     /// The frames of its next sample, the first at this time of the bus, ns.

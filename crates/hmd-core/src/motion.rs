@@ -55,10 +55,20 @@ fn speeds(job: &WindowJob) -> impl Iterator<Item = f64> {
 }
 
 /// Mean magnitude of the motor's speed while it turns, rad/s; 0 where it does not.
-pub(crate) fn mean_speed(job: &WindowJob) -> f64 {
+fn mean_speed(job: &WindowJob) -> f64 {
     let moving = speeds(job).map(f64::abs).filter(|speed| *speed > MOVES);
     let (sum, count) = moving.fold((0.0, 0.0_f64), |(sum, count), speed| (sum + speed, count + 1.0));
     sum / count.max(1.0)
+}
+
+/// Magnitude of the motor's speed that a twentieth of the samples passes while it turns, rad/s; 0 where it does not.
+fn top_speed(job: &WindowJob) -> f64 {
+    let mut moving: Vec<f64> = speeds(job).map(f64::abs).filter(|speed| *speed > MOVES).collect();
+    let place = moving.len() * 19 / 20;
+    if place == moving.len() {
+        return 0.0;
+    }
+    *moving.select_nth_unstable_by(place, f64::total_cmp).1
 }
 
 /// Factor on the sigma of friction in motion one way, which shows friction and load together; of units commissioned by steps, also where the load
@@ -87,23 +97,36 @@ pub(crate) fn beyond([least, most]: [f64; 2], value: f64) -> f64 {
 /// place, or a motor that has worked for a while.
 pub(crate) const UNKNOWN_TEMPERATURE_SIGMA_K: f64 = 20.0;
 
-/// One standard deviation of the friction torque at the motor shaft, Nm, by a winding temperature ΔT beyond those of commissioning:
-/// `√((σ_d T_d)² + (σ_c C ω)²) · ΔT/80 K` with the tolerances of the logarithms of T_d and C at 80 K and the mean speed ω of the motion. Where
-/// either temperature is not measured, ΔT is [`UNKNOWN_TEMPERATURE_SIGMA_K`]. Derived here.
-pub(crate) fn friction_torque_sigma(job: &WindowJob, commissioned_deg_c: Option<[f64; 2]>) -> f64 {
+/// One standard deviation of a friction torque at the motor shaft by a winding temperature ΔT beyond those of commissioning, in the unit of both its
+/// parts: `√((σ_d dry)² + (σ_c viscous)²) · ΔT/80 K` with the tolerances of the logarithms of T_d and C at 80 K. Where either temperature is not
+/// measured, ΔT is [`UNKNOWN_TEMPERATURE_SIGMA_K`]. Derived here.
+fn friction_sigma(job: &WindowJob, commissioned_deg_c: Option<[f64; 2]>, [dry, viscous]: [f64; 2]) -> f64 {
     let off_k = match (commissioned_deg_c, job.conditions.winding_temp_deg_c) {
         (Some(range), Some(found)) => beyond(range, found),
         _ => UNKNOWN_TEMPERATURE_SIGMA_K,
     };
     let tolerances = &job.actuator.tolerances;
-    let dry = tolerances.friction_temperature * job.params.transmission.friction_dynamic;
-    let viscous = tolerances.viscous_temperature * job.params.motor.c * mean_speed(job);
+    let (dry, viscous) = (
+        tolerances.friction_temperature * dry,
+        tolerances.viscous_temperature * viscous,
+    );
     dry.hypot(viscous) * off_k / FRICTION_TEMPERATURE_SPAN_K
+}
+
+/// The same of the load at the output, Nm, that the motion needs, where the friction is `worn` times that of commissioning. What the friction at the
+/// top speed changes may pass for a load of one direction: bench windows of mixed motion, 40 K warmer, T_d worn by 0.8 and C of 1.4e-3 N m s/rad
+/// infer 32 Nm, where that change is 30 Nm. C counts at the end of its tolerance. Derived here.
+pub(crate) fn load_sigma_by_temperature(job: &WindowJob, commissioned_deg_c: Option<[f64; 2]>, worn: f64) -> f64 {
+    let (motor, transmission) = (&job.params.motor, &job.params.transmission);
+    let dry = worn.max(1.0) * transmission.friction_dynamic;
+    let viscous = (1.0 + job.actuator.tolerances.c) * motor.c * top_speed(job);
+    transmission.gear_ratio * friction_sigma(job, commissioned_deg_c, [dry, viscous])
 }
 
 /// The same of the friction parameter k1, `½ σ_T/T_d`. A healthy `bench` 25 K colder than at commissioning, its C and T_d in the middle of their
 /// usual ranges, reads friction of 0.10. Derived here.
 pub(crate) fn friction_sigma_by_temperature(job: &WindowJob, commissioned_deg_c: Option<[f64; 2]>) -> f64 {
     let dry = job.params.transmission.friction_dynamic.max(f64::MIN_POSITIVE);
-    0.5 * friction_torque_sigma(job, commissioned_deg_c) / dry
+    let viscous = job.params.motor.c * mean_speed(job);
+    0.5 * friction_sigma(job, commissioned_deg_c, [dry, viscous]) / dry
 }

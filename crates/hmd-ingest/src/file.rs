@@ -57,6 +57,11 @@ const START: usize = 1 << 16;
 /// What some editors put before UTF-8 text.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
+/// Whether a text begins with the mark of UTF-16.
+fn is_utf16(start: &[u8]) -> bool {
+    start.starts_with(b"\xff\xfe") || start.starts_with(b"\xfe\xff")
+}
+
 /// Format of a log.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LogFormat {
@@ -158,6 +163,9 @@ fn open_for(path: &Path, names: BusNames, config: Option<&Config>) -> Result<Fra
         if start.starts_with(magic) {
             return Err(IngestError::Compressed { file, format });
         }
+    }
+    if is_utf16(start) {
+        return Err(IngestError::Utf16 { file });
     }
     let text = start.strip_prefix(BYTE_ORDER_MARK).unwrap_or(start);
     if let Some(format) = unread_format(text) {
@@ -332,6 +340,8 @@ mod tests {
                 "no valid line in 2; the first: F:1: expected a stamp \"(seconds.fraction)\" with 6 or 9 decimals, found \"hello\"",
             ),
             ("a.log", b"\n\n", "no valid line in 2"),
+            ("a.csv", b"\xff\xfet\0,\0a\0\n\0", "text as UTF-16; save it as UTF-8"),
+            ("b.csv", b"\xfe\xff\0t\0,\0a\0\n", "text as UTF-16; save it as UTF-8"),
             (
                 "a.trc",
                 b";$FILEVERSION=2.1\n;$STARTTIME=45244.9\n;$COLUMNS=N,O,T,B,I,d,R,L,D\n;\n",

@@ -151,7 +151,8 @@ impl EffectSettings {
         Ok(effects)
     }
 
-    /// Whether the value of an effect differs from that without it; `None` where it is not set.
+    /// Whether the value of an effect differs from that without it, or is a rise of the temperature, of which 0 K is one of many; `None` where it
+    /// is not set.
     fn is_on(&self, name: &str) -> Option<bool> {
         let mut values = EFFECTS.iter().zip(self.values);
         let value = values.find_map(|(info, value)| value.filter(|_| info.name == name))?;
@@ -163,7 +164,7 @@ impl EffectSettings {
         let mut with = without;
         // `Self::set` has accepted this value.
         let _ = with.set(name, value);
-        Some(with != without)
+        Some(with != without || name == "temperature_rise_k")
     }
 }
 
@@ -208,8 +209,8 @@ mod tests {
             let together = |value| settings(Some("vector"), [(part_of, value), (name, info.usual.1)]).effects();
             let effect = EFFECTS.iter().find(|effect| effect.name == part_of).unwrap();
             assert!(together(effect.usual.1).is_ok(), "{name}");
-            if part_of == "short_resistance_ohm" {
-                // Turns that are shorted without resistance.
+            if matches!(part_of, "short_resistance_ohm" | "temperature_rise_k") {
+                // Turns that are shorted without resistance; the temperature of the scenario.
                 assert!(together(0.0).is_ok());
                 continue;
             }

@@ -9,7 +9,7 @@ use crate::dbc::Role;
 use names::{
     ANGLE, BESIDE_WINDING, COMMANDED, COMMANDED_WORDS, DERIVED, DERIVED_WORDS, ELECTRICAL_ENDS, ELECTRICAL_STARTS,
     ELECTRICAL_WORDS, MOTOR, MOTOR_WORDS, NAMES, OF_CURRENTS, OF_SECOND_CURRENTS, OUTPUT, RATHER_MOTOR, RATHER_OUTPUT,
-    SECOND, UNITS, WINDING,
+    SECOND, SIDES, UNITS, WINDING,
 };
 
 /// What a column may be.
@@ -59,9 +59,16 @@ impl Quantity {
                 is_of_unit.then(|| guess.with_unit(unit))
             })
         };
-        // A group before the signal says little.
+        // A group before the signal says little, and neither does a side.
         let alone = name.rsplit(['.', '/', ':']).next().filter(|alone| !alone.is_empty());
-        let plain = |unit| Self::guess_with(name, unit).or_else(|| Self::guess_with(alone?, unit));
+        let one = name
+            .split_once('_')
+            .filter(|(side, _)| SIDES.contains(&side.to_lowercase().as_str()));
+        let plain = |unit| {
+            Self::guess_with(name, unit)
+                .or_else(|| Self::guess_with(alone?, unit))
+                .or_else(|| Self::guess_with(one?.1, unit))
+        };
         let Some(unit) = unit else {
             return by_ending().or_else(|| plain(None));
         };
@@ -124,7 +131,7 @@ impl Quantity {
         }
         // A part of a name says something beside a unit, or a word for an angle, alone.
         let is_named_angle =
-            is_angle && (is_of_motor || is_of_output || is_perhaps_output || is_perhaps_motor) && !is_command;
+            is_angle && (is_command || is_of_motor || is_of_output || is_perhaps_output || is_perhaps_motor);
         if unit.is_none() && !is_named_angle {
             return None;
         }

@@ -13,7 +13,7 @@ use ema_models::DriveKind;
 
 use super::correction::{Correction, LINK_POSSIBLE};
 use super::suspect::{Suspect, Suspicion};
-use crate::motion::friction_torque_sigma;
+use crate::motion::load_sigma_by_temperature;
 use crate::outbox::WindowJob;
 
 /// One reading that is contradicted.
@@ -80,9 +80,8 @@ fn load(
         .load_torque_nm
         .filter(|_| !is_coarsely_sampled(&job.params))?;
     // One scale of the friction does not follow a lubricant that is warmer, or colder, than at commissioning.
-    let of_lubricant = commissioned.map_or(0.0, |temperatures| {
-        job.params.transmission.gear_ratio * friction_torque_sigma(job, temperatures)
-    });
+    let worn = estimate.inferred.friction.map_or(1.0, |friction| friction.value);
+    let of_lubricant = commissioned.map_or(0.0, |temperatures| load_sigma_by_temperature(job, temperatures, worn));
     let load_sigma = |inferred: &Inferred, share: f64| load_sigma(job, inferred, share).hypot(of_lubricant);
     let off = |inferred: Inferred, share: f64| beyond(inferred.value - read, load_error) / load_sigma(&inferred, share);
     let needed = |Inferred { value, .. }: Inferred, sigma: f64| {

@@ -69,6 +69,12 @@ pub enum IngestError {
         /// Name of the compression.
         format: &'static str,
     },
+    /// A text in another encoding.
+    #[error("{file}: expected a log of a format that is known ({FORMATS}), found text as UTF-16; save it as UTF-8")]
+    Utf16 {
+        /// The path.
+        file: String,
+    },
     /// Frames in a format that is not read.
     #[error(
         "{file}: expected a log of a format that is known ({FORMATS}), found {format}; convert it to BLF, as python-can's can_logconvert does"

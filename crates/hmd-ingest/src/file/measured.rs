@@ -112,6 +112,9 @@ pub fn open_signals(path: &Path) -> Result<Box<dyn SignalLog>, IngestError> {
     let position = Arc::default();
     let mut input = BufReader::with_capacity(START, Counted { file: opened, position });
     let start = input.fill_buf().map_err(unreadable)?;
+    if super::is_utf16(start) {
+        return Err(IngestError::Utf16 { file });
+    }
     let text = start.strip_prefix(super::BYTE_ORDER_MARK).unwrap_or(start);
     if let Some(format) = unread_format(text) {
         return Err(IngestError::Foreign { file, format });

@@ -3,7 +3,8 @@
 //! Separated by comma, semicolon or tab, whichever the first line has most of; beside the latter two, numbers may have a decimal comma.
 //! Before the names, lines that begin with `#` and lines of one or two cells are passed over: `sep=;`, a name of the recorder. Names and
 //! units that are no UTF-8 are Latin-1. A unit stands behind its name as `name [unit]`, or in a line of its own under
-//! the names. A date and time (`2026-11-20T14:00:00.0005Z`, or without a zone, taken as UTC) counts as microseconds since 1970. Lines are at most
+//! the names. A date and time (`2026-11-20T14:00:00.0005Z`, or without a zone, taken as UTC) counts as microseconds since 1970, a
+//! time alone (`14:00:00.0005`) as those since midnight. Lines are at most
 //! 64 KiB long, and no quoted value goes over several.
 
 use std::cell::RefCell;
@@ -390,10 +391,30 @@ fn day_first(cell: &str) -> Option<DateTime> {
     format!("{year:0>4}-{month:0>2}-{day:0>2}T{}", time.trim()).parse().ok()
 }
 
-/// A date and time, µs since 1970.
+/// A time without a date, as `22:13:20.5`, or `0:00:20,5` of one that has run so long, µs since it began.
+fn time_of_day_us(cell: &str) -> Option<f64> {
+    let mut parts = cell.split(':');
+    let [hours, minutes, seconds] = [parts.next()?, parts.next()?, parts.next()?];
+    let whole = |part: &str| {
+        part.bytes()
+            .all(|byte| byte.is_ascii_digit())
+            .then(|| part.parse::<u16>().ok())?
+    };
+    let seconds = seconds.replace(',', ".");
+    let is_plain = seconds.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.');
+    let seconds: f64 = is_plain.then(|| seconds.parse().ok())??;
+    let (hours, minutes) = (whole(hours)?, whole(minutes)?);
+    let is_one = parts.next().is_none() && minutes < 60 && seconds < 60.0;
+    is_one.then(|| 1e6 * ((f64::from(hours) * 60.0 + f64::from(minutes)) * 60.0 + seconds))
+}
+
+/// A date and time, µs since 1970; a time alone, since it began.
 fn date_us(cell: &str) -> Option<f64> {
-    if !cell.as_bytes().first()?.is_ascii_digit() || cell.len() < 10 || !cell.contains(':') {
+    if !cell.as_bytes().first()?.is_ascii_digit() || !cell.contains(':') {
         return None;
+    }
+    if let Some(time) = time_of_day_us(cell) {
+        return Some(time);
     }
     let stamp = match cell.parse::<Timestamp>() {
         Ok(stamp) => stamp,

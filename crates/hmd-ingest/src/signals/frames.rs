@@ -1,6 +1,6 @@
 //! [`MappedFrames`]: rows of a log of measured signals -> frames of the built-in dictionary.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -9,15 +9,16 @@ use ema_wire::{ActuatorId, Frame, SampleFd};
 use hmd_core::config::ActuatorConfig;
 use hmd_core::frame::{BusNames, FrameFlags, RawFrame};
 use hmd_core::log_map::{Column, LogMap, Quantity, Resampling, RotorFrame, RowDecoder, RowFault};
+use hmd_storage::quoted;
 
-use super::log::{Between, Interpolated, SignalInfo, SignalLog, Unusable};
+use super::log::{Between, Interpolated, SignalInfo, SignalLog, TextValue, Unusable};
 use super::resampled::{Base, Resampled, STEPS_MAX};
 use crate::damage::{Damage, Place};
 
 /// Dates and times that a text may have; a macro, because one of both texts ends with the other.
 macro_rules! dates {
     () => {
-        "a date and 24 hours, as 2026-11-20T14:00:00.5Z, 2026-11-20 14:00:00.5, 20.11.2026 14:00:00.5 or 2026/11/20 14:00:00.5"
+        "a date and 24 hours, as 2026-11-20T14:00:00.5Z, 2026-11-20 14:00:00.5, 20.11.2026 14:00:00.5 or 2026/11/20 14:00:00.5, or 14:00:00.5 alone"
     };
 }
 const DATES: &str = dates!();
@@ -160,8 +161,15 @@ impl MappedFrames {
             .intern(bus)
             .map_err(|cause| Unusable::new("an interface", format!("{bus}: {cause}")))?;
         let mut rows = VecDeque::with_capacity(FIRST_ROWS);
+        let time_text = RefCell::new(None);
+        let note_time = |n: usize, text: &str| {
+            if Some(n) == time {
+                time_text.borrow_mut().get_or_insert_with(|| text.to_owned());
+            }
+            mode_code(&columns, map, &mode, n, text)
+        };
         while rows.len() < FIRST_ROWS {
-            match next_row(&mut *log, &columns, map, &mode) {
+            match next_row(&mut *log, columns.len(), &note_time) {
                 Some(row) => rows.push_back(row),
                 None => break,
             }
@@ -170,6 +178,12 @@ impl MappedFrames {
         let samples = samples.filter(|row| current.is_none_or(|place| row[place].is_finite()));
         let samples: Vec<&Vec<f64>> = samples.collect();
         let times: Vec<f64> = samples.iter().filter_map(|row| row.get(time?).copied()).collect();
+        if let (Some(time), Some(text)) = (time, time_text.into_inner())
+            && times.iter().all(|time| time.is_nan())
+        {
+            let (text, name) = (quoted(text.as_bytes()), &columns[time].signal);
+            return Err(Unusable::new(TIMES, format!("\"{text}\" in column {name:?} (time)")));
+        }
         let is_coarse = time.is_some_and(|time| has_coarse_times(&samples, time));
         if !map.has(Quantity::Counter) && is_coarse {
             return Err(Unusable::new(
@@ -319,7 +333,8 @@ impl Iterator for MappedFrames {
                 return Some(Ok(frame));
             }
             let row = self.rows.pop_front();
-            let row = row.or_else(|| next_row(&mut *self.log, &self.columns, &self.map, &self.mode));
+            let text = |n: usize, text: &str| mode_code(&self.columns, &self.map, &self.mode, n, text);
+            let row = row.or_else(|| next_row(&mut *self.log, self.columns.len(), &text));
             let decoded = match row {
                 None => return self.no_sample().map(Err),
                 Some(Ok((place, row))) => self.decode(place, &row),
@@ -344,14 +359,9 @@ fn between(column: &Column, map: &LogMap) -> Between {
     }
 }
 
-fn next_row(
-    log: &mut dyn SignalLog,
-    columns: &[Column],
-    map: &LogMap,
-    mode: &ModeForm,
-) -> Option<Result<(Place, Vec<f64>), Damage>> {
-    let mut row = vec![f64::NAN; columns.len()];
-    let read = log.next_row(&mut row, &|n, text| mode_code(columns, map, mode, n, text))?;
+fn next_row(log: &mut dyn SignalLog, columns: usize, text: TextValue<'_>) -> Option<Result<(Place, Vec<f64>), Damage>> {
+    let mut row = vec![f64::NAN; columns];
+    let read = log.next_row(&mut row, text)?;
     Some(read.map(|()| (log.place(), row)))
 }
 

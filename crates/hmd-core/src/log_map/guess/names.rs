@@ -212,9 +212,9 @@ pub(super) const SECOND: [&str; 14] = [
 /// Parts of the names of angles of the motor and of the output, and whole words of them.
 pub(super) const MOTOR: [&str; 3] = ["motor", "rotor", "resolver"];
 pub(super) const MOTOR_WORDS: [&str; 2] = ["mot", "mtr"];
-pub(super) const OUTPUT: [&str; 13] = [
-    "output", "shaft", "joint", "surface", "load", "flap", "aileron", "elevator", "rudder", "spoiler", "slat",
-    "abtrieb", "klappe",
+pub(super) const OUTPUT: [&str; 14] = [
+    "output", "shaft", "ausgang", "joint", "surface", "load", "flap", "aileron", "elevator", "rudder", "spoiler",
+    "slat", "abtrieb", "klappe",
 ];
 /// The same that may be of either, rather of the output, rather of the motor.
 pub(super) const RATHER_OUTPUT: [&str; 3] = ["encoder", "actuator", "servo"];
@@ -235,8 +235,12 @@ pub(super) const BESIDE_WINDING: [&str; 12] = [
 ];
 
 /// Words in the names of currents that do not say which.
-pub(super) const OF_CURRENTS: [&str; 22] = [
+pub(super) const OF_CURRENTS: [&str; 26] = [
     "current",
+    "cur",
+    "inv",
+    "inverter",
+    "drive",
     "phase",
     "ph",
     "motor",
@@ -264,4 +268,7 @@ pub(super) const OF_CURRENTS: [&str; 22] = [
 pub(super) const OF_SECOND_CURRENTS: [&str; 3] = ["filt", "filtered", "raw"];
 
 /// Units that names end with in lower case, too.
-pub(super) const UNITS: [&str; 9] = ["mA", "A", "mV", "V", "Nm", "degC", "rad/s", "counts", "Hz"];
+pub(super) const UNITS: [&str; 10] = ["mA", "A", "mV", "V", "Nm", "degC", "C", "rad/s", "counts", "Hz"];
+
+/// Words before a name of a signal that say of which of several actuators it is.
+pub(super) const SIDES: [&str; 8] = ["l", "r", "left", "right", "lh", "rh", "port", "starboard"];

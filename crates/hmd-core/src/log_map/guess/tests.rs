@@ -40,6 +40,14 @@ fn names_of_several_words_and_groups_are_recognised() {
         ("motor_enable", "", None),
         ("phase", "deg", None),
         ("Flap_cmd_deg", "", of(Role::CommandPosition)),
+        ("theta_cmd", "", of(Role::CommandPosition)),
+        ("Sollwinkel", "", of(Role::CommandPosition)),
+        ("speed_cmd", "", None),
+        ("Ausgangswinkel", "", of(Role::OutputPosition)),
+        ("Inv_CurV", "", of(Role::CurrentB)),
+        ("L_Ia", "", of(Role::CurrentA)),
+        ("R_Ic", "A", of(Role::CurrentC)),
+        ("left_motor_angle_deg", "", of(Role::MotorPosition)),
     ] {
         assert_eq!(quantity(name, unit), expected, "{name} [{unit}]");
     }
@@ -51,6 +59,15 @@ fn a_name_may_end_with_its_unit() {
     let with = |quantity, unit: &str| Some((quantity, Some(unit.to_owned())));
     assert_eq!(guess("time_s"), with(Quantity::Time, "s"));
     assert_eq!(guess("iq_A"), with(Quantity::CurrentQ, "A"));
+    assert_eq!(guess("t_ns"), with(Quantity::Time, "ns"));
+    assert_eq!(guess("winding_temp_c"), with(Quantity::Of(Role::WindingTemp), "C"));
+    assert_eq!(guess("dc_link_v"), with(Quantity::Of(Role::DcLink), "V"));
+    assert_eq!(guess("load_torque_nm"), with(Quantity::Of(Role::LoadTorque), "Nm"));
+    assert_eq!(guess("i_a_a"), with(Quantity::Of(Role::CurrentA), "A"));
+    assert_eq!(
+        guess("output_counts"),
+        with(Quantity::Of(Role::OutputPosition), "counts")
+    );
     assert_eq!(guess("i_d_mA"), with(Quantity::CurrentD, "mA"));
     assert_eq!(guess("motor_angle_deg"), with(Quantity::Of(Role::MotorPosition), "deg"));
     assert_eq!(

@@ -67,6 +67,17 @@ fn units_stand_behind_names_or_below_them() {
 }
 
 #[test]
+fn a_time_without_a_date_counts_from_midnight() {
+    let text =
+        "t;n\n22:13:20.000500;1\n22:13:21,5;1\n0:00:01;1\n100:00:00;1\n22:13;1\n22:61:00;1\n22:13:20 PM;1\n22:13:x;1\n";
+    let log = CsvLog::new(Cursor::new(text.as_bytes().to_vec()), "a.csv").unwrap();
+    assert_eq!(log.signals()[0].unit.as_deref(), Some("us"));
+    let found: Vec<f64> = good(text, &["t"]).concat();
+    assert_eq!(found[..4], [80_000_000_500.0, 80_001_500_000.0, 1e6, 360e9]);
+    assert!(found[4..].iter().all(|time| time.is_nan()), "{found:?}");
+}
+
+#[test]
 fn what_cannot_be_read_is_said_with_its_line() {
     let found = rows("a,b\n1,2\n1\n3,4\n5", &["b"]).unwrap();
     assert_eq!(found[0], Ok(vec![2.0]));

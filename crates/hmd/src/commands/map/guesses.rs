@@ -76,6 +76,9 @@ impl<'a> Guesses<'a> {
         let has_phases = has(Quantity::Of(Role::CurrentA)) && has(Quantity::Of(Role::CurrentB));
         let is_rotor = matches!(of, Quantity::CurrentD | Quantity::CurrentQ);
         match of {
+            Quantity::Time if signal.range.is_none() && !signal.texts.is_empty() => {
+                Some("no number, and no date that is read: see docs/logs.md")
+            }
             Quantity::Of(Role::MotorPosition) if signal.doubt == Doubt::Electrical => {
                 Some("the electrical angle: scale = 1 / pole pairs")
             }

@@ -9,6 +9,7 @@ use ema_models::FaultId;
 use crate::health::HealthState;
 use crate::history::{LifeEnd, ReplacedPart, fallen_by};
 use crate::record::{Health, LastShown, Rul};
+use crate::sensor_checks::Suspect;
 
 pub use joined::Joined;
 
@@ -96,6 +97,9 @@ impl Newest {
         if is_life_new {
             self.end = None;
         }
+        let is_left = |suspect: Suspect| part.is_some_and(|part| !part.suspects().contains(&suspect));
+        let suspects = &mut self.health.suspects;
+        suspects.retain(|name| Suspect::from_name(name).is_none_or(is_left));
         match part {
             None => self.rul = Rul::default(),
             Some(_) => self.rul.forget(is_new, is_life_new),

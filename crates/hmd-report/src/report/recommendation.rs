@@ -54,6 +54,9 @@ pub(super) struct Recommendation {
 /// Why there are no hours of a part that was replaced.
 const REPLACED: &str = "what ended it first was replaced";
 
+/// The same where there were none before.
+const PART_REPLACED: &str = "the actuator, or a part of it, was replaced since";
+
 impl Recommendation {
     /// Life left, or why there is no number.
     pub(super) fn life_left(&self) -> String {
@@ -117,6 +120,8 @@ pub(super) fn recommendation(history: &History, rules: &Rules, zone: &Zone) -> R
         hours_left: match left.hours {
             Some(hours) => Ok(hours),
             None if hours_of_all(rul).is_some() => Err(REPLACED.to_owned()),
+            // The reason may be that of the part.
+            None if !history.replaced_since.is_empty() => Err(PART_REPLACED.to_owned()),
             None if rul.reason.is_empty() => Err("none was recorded".to_owned()),
             None => Err(rul.reason.clone()),
         },

@@ -164,11 +164,12 @@ const TIMES_MAX: usize = 5;
 pub(super) fn legend(history: &History, zone: &Zone) -> String {
     let marks = UseAxis::new(history).marks;
     let key = |mark: Mark| {
-        let found = marks.iter().rev().filter(|(_, found)| *found == mark);
-        let mut times: Vec<String> = found.map(|(n, _)| zone.minute(history.points[*n].t_start_ns)).collect();
+        let found = marks.iter().filter(|(_, found)| *found == mark);
+        let mut times: Vec<u64> = found.map(|(n, _)| history.points[*n].t_start_ns).collect();
+        // Recordings that overlap are not in the order of time.
+        times.sort_unstable();
         let more = times.len().saturating_sub(TIMES_MAX);
-        times.truncate(TIMES_MAX);
-        times.reverse();
+        let times: Vec<String> = times[more..].iter().map(|t_ns| zone.minute(*t_ns)).collect();
         let more = if more > 0 {
             format!("{more} times, then before ")
         } else {
@@ -334,6 +335,21 @@ mod tests {
             line.iter().map(|(at, _)| *at).collect::<Vec<_>>(),
             [0.0, 5.0, 5.0, 5.0, 6.0]
         );
+    }
+
+    #[test]
+    fn times_of_a_mark_are_in_order_where_recordings_overlap() {
+        let points = [0, 300, 60, 400].map(|minute| Point {
+            t_start_ns: minute * 60_000_000_000,
+            ..Point::default()
+        });
+        let history = History {
+            points: points.to_vec(),
+            ..History::default()
+        };
+        let legend = legend(&history, &Zone::utc());
+        let expected = "before 1970-01-01 01:00 UTC, 1970-01-01 05:00 UTC, 1970-01-01 06:40 UTC";
+        assert!(legend.contains(expected), "{legend}");
     }
 
     #[test]

@@ -289,7 +289,7 @@ impl Printer {
             }
             let mut newest = joined.newest;
             joined.since.into_iter().for_each(|event| newest.replace(event.part));
-            summary::summary_line(&newest, sent_number)
+            summary::summary_line(&newest, config.health().levels(), sent_number)
         })
     }
 

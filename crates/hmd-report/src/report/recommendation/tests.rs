@@ -354,6 +354,8 @@ fn a_replaced_actuator_is_unknown_and_promises_no_hours() {
         reason: "no trend yet".to_owned(),
         ..Rul::default()
     };
+    assert_eq!(of(&history).hours_left, Err(PART_REPLACED.to_owned()));
+    history.replaced_since.clear();
     assert_eq!(of(&history).hours_left, Err("no trend yet".to_owned()));
 }
 

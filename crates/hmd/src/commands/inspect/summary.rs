@@ -1,7 +1,7 @@
 //! The newest state of an actuator as one line for a downlink.
 
 use ema_models::FaultId;
-use hmd_core::health::HealthState;
+use hmd_core::health::{HealthState, Levels, significance};
 use hmd_core::newest::Newest;
 use hmd_core::timestamp::compact_minute;
 
@@ -18,8 +18,8 @@ const HOURS_MAX: f64 = 99_999.0;
 const SHORT_NAMES: [&str; FaultId::COUNT] = ["FRIC", "BKLSH", "SHORT-A", "SHORT-B", "SHORT-C", "ECC", "GAIN"];
 
 /// Actuator, window, time, health, faults with damage in percent, hours left, probability of failing within the horizon, and
-/// what ends the life; `serial_number` last, where units of one name need it. Capital letters, digits, space, hyphen, comma, stop and slash only, which every air-ground link carries.
-pub(super) fn summary_line(newest: &Newest, serial_number: Option<&str>) -> String {
+/// what ends the life; `serial_number`, where units of one name need it; what is suspected. By `levels` a damage is told that more windows must show. Capital letters, digits, space, hyphen, comma, stop and slash only, which every air-ground link carries.
+pub(super) fn summary_line(newest: &Newest, levels: &[Levels; FaultId::COUNT], serial_number: Option<&str>) -> String {
     let Newest { health, rul, shown, .. } = newest;
     let mut fields = vec![
         "HMD1".to_owned(),
@@ -42,18 +42,31 @@ pub(super) fn summary_line(newest: &Newest, serial_number: Option<&str>) -> Stri
             |shown| format!("{name} {:.0}", (100.0 * shown.damage).clamp(0.0, 100.0)),
         )
     };
+    // The newest window shows it surely, and more windows must.
+    let is_pending = |fault: &FaultId| {
+        let shown = shown.of(*fault).filter(|shown| shown.t_start_ns == health.t_start_ns);
+        let (state, level) = (states[fault.index()], levels[fault.index()].watch);
+        let is_sure = shown.is_some_and(|shown| {
+            shown.damage >= level && shown.damage >= significance(*fault) * shown.sigma.unwrap_or(f64::INFINITY)
+        });
+        is_sure && state == HealthState::Nominal && !is_fault(fault)
+    };
     let faults: Vec<String> = FaultId::ALL.into_iter().filter(is_fault).map(named).collect();
+    let pending: Vec<String> = FaultId::ALL.into_iter().filter(is_pending).map(named).collect();
     let is_unknown = |n: &usize| states[*n] == HealthState::Unknown;
     let unknown: Vec<&str> = (0..FaultId::COUNT).filter(is_unknown).map(|n| SHORT_NAMES[n]).collect();
     if !faults.is_empty() {
         fields.push(faults.join(" "));
-    } else if unknown.is_empty() && health.health == HealthState::Nominal.name() {
+    } else if pending.is_empty() && unknown.is_empty() && health.health == HealthState::Nominal.name() {
         fields.push("NO FAULT".to_owned());
     }
     match unknown.len() {
         0 => {}
         FaultId::COUNT => fields.push("ALL UNKNOWN".to_owned()),
         _ => fields.push(format!("UNKNOWN {}", unknown.join(" "))),
+    }
+    if !pending.is_empty() {
+        fields.push(format!("PENDING {}", pending.join(" ")));
     }
     match (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) {
         (Some(p10), Some(p50), Some(p90)) => {
@@ -70,6 +83,12 @@ pub(super) fn summary_line(newest: &Newest, serial_number: Option<&str>) -> Stri
         _ => fields.push("NO RUL".to_owned()),
     }
     fields.extend(serial_number.map(|number| format!("SN {}", number.chars().take(NAME_MAX).collect::<String>())));
+    // Last, as the end of a name may be cut.
+    match health.suspects.as_slice() {
+        [] => {}
+        [suspect] => fields.push(format!("CHECK {suspect}")),
+        many => fields.push(format!("CHECK {} ITEMS", many.len())),
+    }
     fields.join("/").chars().map(sent).take(LENGTH_MAX).collect()
 }
 
@@ -96,11 +115,20 @@ mod tests {
     use super::*;
     use hmd_core::record::{Health, Rul};
 
+    const LEVELS: [Levels; FaultId::COUNT] = [Levels {
+        watch: 0.05,
+        warning: 0.3,
+        critical: 0.6,
+        end_of_life: 0.8,
+        hysteresis: 0.02,
+        persistence: 3,
+    }; FaultId::COUNT];
+
     fn line_of(health: &Health, rul: &Rul, serial_number: Option<&str>) -> String {
         let mut newest = Newest::default();
         newest.add(health.clone());
         newest.add_rul(rul.clone());
-        summary_line(&newest, serial_number)
+        summary_line(&newest, &LEVELS, serial_number)
     }
 
     fn full() -> (Health, Rul) {
@@ -110,6 +138,7 @@ mod tests {
             t_start_ns: 1_700_000_000_000_000_000,
             status: "degraded".to_owned(),
             health: "critical".to_owned(),
+            suspects: vec!["winding temperature".to_owned()],
             ..Health::default()
         };
         health.set_states(&[HealthState::Critical; FaultId::COUNT]);
@@ -130,7 +159,7 @@ mod tests {
     fn the_longest_line_fits_whole_and_has_only_what_links_carry() {
         let (health, rul) = full();
         let line = line_of(&health, &rul, None);
-        assert!(line.ends_with("/BY RESPONSE-TIME"), "{line}");
+        assert!(line.contains("/BY RESPONSE-TIME/CHECK WINDING"), "{line}");
         assert!(line.len() <= LENGTH_MAX, "{} characters: {line}", line.len());
         assert!(line.chars().all(|c| sent(c) == c), "{line}");
         // The longest mixture: one fault is unknown.
@@ -139,7 +168,7 @@ mod tests {
         states[0] = HealthState::Unknown;
         health.set_states(&states);
         let line = line_of(&health, &rul, None);
-        assert!(line.ends_with("/BY RESPONSE-TIME"), "{line}");
+        assert!(line.contains("/BY RESPONSE-TIME/CHECK"), "{line}");
     }
 
     #[test]
@@ -148,6 +177,7 @@ mod tests {
         health.actuator = "ema0".to_owned();
         health.window = 7;
         health.status = "ok".to_owned();
+        health.suspects.clear();
         let mut states = [HealthState::Nominal; FaultId::COUNT];
         states[0] = HealthState::Critical;
         health.set_states(&states);
@@ -179,6 +209,37 @@ mod tests {
     }
 
     #[test]
+    fn what_is_no_fault_yet_and_what_is_suspected_is_told() {
+        let mut health = Health {
+            actuator: "ema0".to_owned(),
+            status: "ok".to_owned(),
+            health: "nominal".to_owned(),
+            ..Health::default()
+        };
+        health.set_states(&[HealthState::Nominal; FaultId::COUNT]);
+        let line = |health: &Health| line_of(health, &Rul::default(), None);
+        let shows = |health: &mut Health, friction: f64, sigma: f64| {
+            health.k1_sigma = Some(sigma);
+            health.set_damage([Some(friction), None, None, None, None, None, None]);
+        };
+        shows(&mut health, 0.41, 0.05);
+        assert_eq!(
+            line(&health),
+            "HMD1/EMA0/W0/19700101T0000Z/NOMINAL/PENDING FRIC 41/NO RUL"
+        );
+        // Too uncertain, and too little.
+        for (friction, sigma) in [(0.41, 0.2), (0.04, 0.001)] {
+            shows(&mut health, friction, sigma);
+            assert_eq!(line(&health), "HMD1/EMA0/W0/19700101T0000Z/NOMINAL/NO FAULT/NO RUL");
+        }
+        health.suspects = vec!["load sensor".to_owned()];
+        let one = "HMD1/EMA0/W0/19700101T0000Z/NOMINAL/NO FAULT/NO RUL/CHECK LOAD SENSOR";
+        assert_eq!(line(&health), one);
+        health.suspects.push("dc link".to_owned());
+        assert!(line(&health).ends_with("/CHECK 2 ITEMS"), "{}", line(&health));
+    }
+
+    #[test]
     fn long_names_keep_what_tells_them_apart() {
         let names = ["aileron-outboard-left", "aileron-outboard-right", "flap-left-inboard"];
         let sent = ["AILERON-ARD-LEFT", "AILERON-RD-RIGHT", "FLAP-LE--INBOARD"];
@@ -192,7 +253,7 @@ mod tests {
         health.t_start_ns = 1_700_000_060_000_000_000;
         rul.t_start_ns = 1_700_000_000_000_000_000;
         let line = line_of(&health, &rul, None);
-        assert!(line.ends_with("H/AS OF 20231114T2213Z/BY RESPONSE-TIME"), "{line}");
+        assert!(line.contains("H/AS OF 20231114T2213Z/BY RESPONSE-TIME/CHECK"), "{line}");
         assert!(line.len() <= LENGTH_MAX, "{} characters: {line}", line.len());
         rul.t_start_ns = health.t_start_ns;
         assert!(!line_of(&health, &rul, None).contains("AS OF"));
@@ -224,7 +285,7 @@ mod tests {
                 ..Rul::default()
             });
         }
-        let line = summary_line(&newest, None);
+        let line = summary_line(&newest, &LEVELS, None);
         assert_eq!(line, "HMD1/EMA0/W0/19700101T0000Z/CRITICAL/INVALID/FRIC 4 BKLSH/NO RUL");
         health.set_states(&[HealthState::Nominal; FaultId::COUNT]);
         let line = line_of(&health, &Rul::default(), None);

@@ -101,6 +101,8 @@ def test_what_is_no_recording_is_refused(program: str, tmp_path: Path) -> None:
         hmd.report(text, tmp_path / "page.toml")
     with pytest.raises(hmd.UsageError, match=r"expected a name that ends in \.mcap"):
         hmd.replay(text, output=tmp_path / "samples.csv")
+    with pytest.raises(hmd.UsageError, match="config: expected a path"):
+        hmd.check_config(3)  # type: ignore[arg-type]
 
 
 def test_a_simulation_is_that_of_the_program(program: str, tmp_path: Path) -> None:

@@ -71,8 +71,9 @@ def simulate(
         options.append("--k=" + ",".join(repr(checked_number("k", value)) for value in k))
     options += [f"--fault={name}={checked_number(name, value)!r}" for name, value in (faults or {}).items()]
     options += [f"--with={name}={checked_number(name, value)!r}" for name, value in (effects or {}).items()]
-    rate = None if rate_hz is None else checked_rate(rate_hz)
-    options += _given(rate=rate, config=config, drive=drive, preset=preset)
+    if rate_hz is not None:
+        options.append(f"--rate={checked_rate(rate_hz)}")
+    options += _given(config=config, drive=drive, preset=preset)
     if output_encoder:
         options.append("--output-encoder")
     if start is not None:
@@ -151,14 +152,10 @@ def export(files: Paths, output: Path, *, table: Literal["health", "samples"] = 
     _run("export", options, checked_paths("files", files))
 
 
-def _given(**options: Path | float | None) -> list[str]:
+def _given(**options: Path | None) -> list[str]:
     """The options that are not `None`, as the command takes them."""
     given = {name: value for name, value in options.items() if value is not None}
-    words = {
-        name: str(value) if isinstance(value, int | float) else checked_path(name, value)
-        for name, value in given.items()
-    }
-    return [f"--{name}={word}" for name, word in words.items()]
+    return [f"--{name}={checked_path(name, value)}" for name, value in given.items()]
 
 
 def _run(verb: str, options: list[str], files: Sequence[str] = (), threads: int = 0) -> tuple[str, list[str]]:

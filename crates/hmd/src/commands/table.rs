@@ -1,5 +1,7 @@
 //! Health records as lines for people.
 
+use ema_models::FaultId;
+use hmd_core::health::significance;
 use hmd_core::record;
 use hmd_storage::printable;
 
@@ -15,14 +17,29 @@ pub(super) fn left_cell(rul: &record::Rul) -> String {
     }
 }
 
+/// Damage from which on a healthy unit is asked for it.
+const NOTICED: f64 = 0.05;
+
+/// A damage in percent; with its standard deviation where it would be noticed and is within what chance explains.
+fn damage_cell(fault: FaultId, damage: Option<f64>, sigma: Option<f64>) -> String {
+    match (damage, sigma) {
+        (None, _) => "·".to_owned(),
+        (Some(damage), Some(sigma)) if damage >= NOTICED && damage < significance(fault) * sigma => {
+            format!("{:.0}±{:.0} %", 100.0 * damage, 100.0 * sigma)
+        }
+        (Some(damage), _) => format!("{:.1} %", 100.0 * damage),
+    }
+}
+
 /// One window: status, state, damage of each fault in percent (a dot where the window does not show it), faults and reason.
 pub(super) fn health_row(health: &record::Health) -> String {
     let mut row = format!(
         "{:<8} {:>6} {:<8} {:<8}",
         health.actuator, health.window, health.status, health.health
     );
-    for damage in health.damages() {
-        let cell = damage.map_or_else(|| "·".to_owned(), |damage| format!("{:.1} %", 100.0 * damage));
+    let sigmas = health.damage_sigmas();
+    for (fault, damage) in FaultId::ALL.into_iter().zip(health.damages()) {
+        let cell = damage_cell(fault, damage, sigmas[fault.index()]);
         row += &format!(" {cell:>7}");
     }
     row += &format!("  {}", health.faults);
@@ -30,4 +47,19 @@ pub(super) fn health_row(health: &record::Health) -> String {
         row += &format!("  ({})", health.reason);
     }
     printable(&row).into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_damage_that_chance_explains_has_its_deviation() {
+        let cell = |damage: f64, sigma: f64| damage_cell(FaultId::ShortB, Some(damage), Some(sigma));
+        assert_eq!(cell(0.15, 0.07), "15±7 %");
+        assert_eq!(cell(0.15, 0.04), "15.0 %");
+        assert_eq!(cell(0.004, 0.01), "0.4 %");
+        assert_eq!(damage_cell(FaultId::ShortB, Some(0.15), None), "15.0 %");
+        assert_eq!(damage_cell(FaultId::ShortB, None, None), "·");
+    }
 }

@@ -1,4 +1,5 @@
-//! Suite `robust` in a small form: some of its entries on every built-in type, one healthy and two faulty windows of each unit.
+//! Suite `robust` in a small form: some of its entries on every built-in type, one healthy and two faulty windows of each unit; and the tests of
+//! commissioned units that take too long for each `cargo test`.
 
 use std::fs;
 
@@ -6,7 +7,7 @@ use anyhow::{Context, ensure};
 use serde_json::Value;
 
 use crate::programs::Programs;
-use crate::shell::{program, run_to_file, target_dir};
+use crate::shell::{cargo, program, run, run_to_file, target_dir};
 
 /// Entries of the catalogue, at least one of each family of effects.
 const ENTRIES: [&str; 7] = [
@@ -25,8 +26,17 @@ const NAMED_MIN: f64 = 0.95;
 const MEDIAN_ERROR_MAX: f64 = 0.02;
 const COVERAGE_MIN: f64 = 0.9;
 
-/// Runs it.
+/// Where long forms are, and what their names begin with. With the whole workspace, what `cargo test --workspace` built serves.
+const LONG_FORMS: [[&str; 3]; 2] = [["--test", "program", ""], ["--lib", "evaluate::sensors::", "--quiet"]];
+
+/// Runs them.
 pub(crate) fn check() -> anyhow::Result<()> {
+    for long in LONG_FORMS {
+        let words = long.into_iter().filter(|word| !word.is_empty());
+        run(cargo(["test", "--workspace", "--locked"])
+            .args(words)
+            .args(["--", "--ignored"]))?;
+    }
     let hmd = Programs::build()?.hmd();
     let output = target_dir()?.join("robust.json");
     let mut suite = program(&hmd, ["evaluate", "robust", "--json", "--n", "1"]);

@@ -292,9 +292,9 @@ impl Printer {
         }
     }
 
-    /// Waits until a stream can be written to: not for long where the records go to an output as well, or once a stop was asked for. The
+    /// Waits until a stream can be written to: no longer than `stalled` where the records go to an output as well, or once a stop was asked for. The
     /// assessment waits for it. Whether it can.
-    fn waits_for_reader(&self, stream: impl AsFd) -> bool {
+    fn waits_for_reader(&self, stream: impl AsFd, stalled: Duration) -> bool {
         let mut since = Instant::now();
         let mut was_stopping = false;
         while !is_writable(&stream, LOOK_EVERY) {
@@ -303,7 +303,7 @@ impl Printer {
                 since = Instant::now();
             }
             was_stopping = is_stopping;
-            if (!self.alone || is_stopping) && since.elapsed() >= STALLED {
+            if (!self.alone || is_stopping) && since.elapsed() >= stalled {
                 return false;
             }
         }
@@ -322,7 +322,7 @@ impl Observer for Printer {
         if !self.read.load(Ordering::Relaxed) {
             return Ok(());
         }
-        if !self.waits_for_reader(io::stdout()) {
+        if !self.waits_for_reader(io::stdout(), STALLED) {
             self.read.store(false, Ordering::Relaxed);
             let left = if self.alone {
                 "the last records are not written"
@@ -415,6 +415,7 @@ mod tests {
 
     #[test]
     fn a_stop_does_not_wait_for_a_reader_for_ever() {
+        let stalled = Duration::from_millis(500);
         let (reader, mut writer) = io::pipe().unwrap();
         while is_writable(&writer, Duration::from_millis(10)) {
             writer.write_all(&[b'x'; 4096]).unwrap();
@@ -432,16 +433,16 @@ mod tests {
             last: Mutex::new(LastWindows::default()),
         };
         std::thread::scope(|scope| {
-            let waiting = scope.spawn(|| (printer.waits_for_reader(&writer), Instant::now()));
+            let waiting = scope.spawn(|| (printer.waits_for_reader(&writer, stalled), Instant::now()));
             // Without a stop it waits for whoever reads, however long.
-            std::thread::sleep(STALLED + Duration::from_secs(1));
+            std::thread::sleep(stalled + Duration::from_secs(1));
             assert!(!waiting.is_finished());
             let stopped = Instant::now();
             printer.stopping.store(true, Ordering::Relaxed);
             let (is_read, ended) = waiting.join().unwrap();
-            assert!(!is_read && ended - stopped >= STALLED);
+            assert!(!is_read && ended - stopped >= stalled);
         });
         drop(reader);
-        assert!(printer.waits_for_reader(&writer));
+        assert!(printer.waits_for_reader(&writer, stalled));
     }
 }

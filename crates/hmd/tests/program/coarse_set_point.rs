@@ -19,6 +19,7 @@ fn held(log: &str, samples: usize) -> String {
 }
 
 #[test]
+#[ignore = "long form: cargo xtask robust"]
 fn set_points_of_100_hz_accuse_neither_their_time_nor_the_controller() {
     let folder = Folder::new();
     let unit = "--drive vector --noise 0.03";

@@ -18,6 +18,7 @@ fn records(unit: &str, [actuator, of_type]: [&str; 2], worn: &str, settings: &st
 }
 
 #[test]
+#[ignore = "long form: cargo xtask robust"]
 fn a_torque_that_nobody_knows_is_not_explained_by_the_noise_of_the_currents() {
     let unit = "--drive vector --with dead_time_s=1.5e-6 --noise 0.05";
     let found = records(unit, [""; 2], "--with cogging_nm=0.2 --with cogging_periods=10", "");

@@ -17,6 +17,7 @@ fn late(log: &str, samples: usize) -> String {
 }
 
 #[test]
+#[ignore = "long form: cargo xtask robust"]
 fn a_late_motor_angle_accuses_no_part_and_worn_parts_are_still_named() {
     let folder = Folder::new();
     let unit = "--drive vector --noise 0.03";

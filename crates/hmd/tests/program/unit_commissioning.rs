@@ -163,6 +163,7 @@ fn a_healthy_unit_at_another_rotor_angle_is_not_accused() {
 /// At 400 Hz the motor of this type makes three radians electrical from sample to sample: what the balance leaves of that repeats with the
 /// motion, and each motion leaves something else.
 #[test]
+#[ignore = "long form: cargo xtask robust"]
 fn a_healthy_unit_in_another_motion_is_not_accused() {
     let folder = Folder::new();
     let known = "[[actuator]]\nid = 0\ntype = \"servo270\"\ncalibration = \"unit.toml\"\n[type.servo270.sensors]\nsample_rate_hz = 400\n";
@@ -312,6 +313,7 @@ fn with_other_zeros(log: &[u8], motor_turns: i32, output_counts: i32) -> String 
 }
 
 #[test]
+#[ignore = "long form: cargo xtask robust"]
 fn where_the_zeros_of_motor_and_output_lie_changes_nothing() {
     let folder = Folder::new();
     folder.done("simulate --rate 400 --noise 0.03 --windows 6 --seed 6 -o healthy.log");

@@ -236,6 +236,7 @@ fn contradictory_settings_of_learning_are_refused() {
 }
 
 #[test]
+#[ignore = "long form: cargo xtask robust"]
 fn a_type_is_made_of_several_units_and_replays() {
     let folder = Folder::new();
     let units = [(0.10, 0.2), (0.14, 0.35), (0.06, 0.05)];

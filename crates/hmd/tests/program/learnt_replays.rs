@@ -55,6 +55,7 @@ fn reset(t_ns: u64) -> String {
 
 /// The windows that a unit was learnt from are in a file of before, or were deleted for room: those that are left may be of a worn unit.
 #[test]
+#[ignore = "long form: cargo xtask robust"]
 fn windows_of_a_unit_that_was_known_are_assessed_by_it_or_not_learnt_from() {
     let folder = Folder::new();
     let config = configured(&folder, CONFIG);

@@ -188,6 +188,7 @@ fn a_healthy_unit_in_another_motion_is_not_accused() {
 /// What differs in service from the windows of commissioning blurs what depends on it, and accuses no part and no sensor: a load, of which
 /// the gear's efficiency is known to a tolerance; a current in which the offsets of the sensors are a large share; coarse samples.
 #[test]
+#[ignore = "long form: cargo xtask robust"]
 fn a_healthy_unit_in_other_conditions_is_not_accused() {
     for (unit, rate, commissioned, later) in [
         (
@@ -227,6 +228,7 @@ fn a_healthy_unit_in_other_conditions_is_not_accused() {
 
 /// What a unit has when it is commissioned would count as its health.
 #[test]
+#[ignore = "long form: cargo xtask robust"]
 fn windows_of_a_worn_unit_commission_nothing() {
     let folder = Folder::new();
     for (fault, said) in [

@@ -65,12 +65,15 @@ impl Dimension {
                 (&["rad"], Unit::times(turn / TURN_RAD)),
                 (&["mrad"], Unit::times(1e-3 * turn / TURN_RAD)),
                 (&["urad", "µrad", "μrad"], Unit::times(1e-6 * turn / TURN_RAD)),
-                (&["deg", "°", "degree", "degrees"], Unit::times(turn / 360.0)),
+                (&["deg", "°", "degree", "degrees", "Deg"], Unit::times(turn / 360.0)),
                 (&["rev", "turn", "turns"], Unit::times(turn)),
             ]
         };
         match self {
-            Self::Current => vec![(&["A"], Unit::SAME), (&["mA"], Unit::times(1e-3))],
+            Self::Current => vec![
+                (&["A", "Amps", "amps", "Ampere"], Unit::SAME),
+                (&["mA"], Unit::times(1e-3)),
+            ],
             Self::Angle { counts_per_rev } => {
                 let mut units = turns(counts_per_rev);
                 units.push((&["counts", "count", "cts", "inc"], Unit::SAME));
@@ -82,16 +85,16 @@ impl Dimension {
                 (&["mrad/s"], Unit::times(1e-3)),
                 (&["deg/s", "°/s"], Unit::times(TURN_RAD / 360.0)),
                 (&["rev/s", "1/s", "Hz"], Unit::times(TURN_RAD)),
-                (&["rpm", "1/min", "rev/min"], Unit::times(TURN_RAD / 60.0)),
+                (&["rpm", "1/min", "rev/min", "RPM"], Unit::times(TURN_RAD / 60.0)),
             ],
             Self::Time => vec![
-                (&["us", "µs", "μs"], Unit::SAME),
-                (&["ms"], Unit::times(1e3)),
-                (&["s"], Unit::times(1e6)),
+                (&["us", "µs", "μs", "usec"], Unit::SAME),
+                (&["ms", "msec"], Unit::times(1e3)),
+                (&["s", "sec", "seconds"], Unit::times(1e6)),
                 (&["ns"], Unit::times(1e-3)),
             ],
             Self::Voltage => vec![
-                (&["V"], Unit::SAME),
+                (&["V", "Volts", "Volt"], Unit::SAME),
                 (&["mV"], Unit::times(1e-3)),
                 (&["kV"], Unit::times(1e3)),
             ],

@@ -1,11 +1,13 @@
 //! Maintenance events: a part was replaced, and the history of the unit starts again; or the frames of a time shall be kept.
 
+use std::collections::BTreeSet;
 use std::fmt;
 
 use ema_models::FaultId;
 use serde::{Deserialize, Serialize};
 
 use crate::config::Config;
+use crate::counted::counted;
 use crate::sensor_checks::Suspect;
 use crate::sensor_health::SensorQuantity;
 
@@ -179,11 +181,51 @@ impl Events {
     /// Most lines that were never finished or are no event that are listed; the others are counted.
     pub const BAD_LINES_MAX: usize = 100;
 
+    /// Most events of unknown actuators that are told one by one; the others are counted.
+    const UNKNOWN_REPORTED_MAX: usize = 100;
+
     /// Whether one more bad line is listed; counts it if not.
     pub fn takes_bad_line(&mut self) -> bool {
         let takes = self.unfinished.len() + self.unreadable.len() < Self::BAD_LINES_MAX;
         self.more_bad_lines += u64::from(!takes);
         takes
+    }
+
+    /// What an operator should read of lines that do not count, and of events of actuators that this configuration does not have; `before` was told.
+    #[must_use]
+    pub fn complaints(&self, before: &Self, config: &Config) -> Vec<String> {
+        let mut told = Vec::new();
+        for line in self.unfinished.iter().filter(|line| !before.unfinished.contains(line)) {
+            told.push(format!(
+                "rul.events, line {line}: never finished and ignored; record that event again"
+            ));
+        }
+        let new = self.unreadable.iter().filter(|bad| !before.unreadable.contains(bad));
+        told.extend(new.map(ToString::to_string));
+        if self.more_bad_lines > before.more_bad_lines {
+            let more = counted(self.more_bad_lines, "more line", "more lines");
+            told.push(format!(
+                "rul.events: {more} never finished or no event, ignored; correct the file"
+            ));
+        }
+        let of_nobody = |event: &&Event| config.actuator_named(&event.actuator).is_none();
+        let reported: BTreeSet<&Event> = before.list.iter().filter(of_nobody).collect();
+        let new = self.list.iter().filter(of_nobody);
+        let mut new = new.filter(|event| !reported.contains(event));
+        for event in new.by_ref().take(Self::UNKNOWN_REPORTED_MAX) {
+            let name = &event.actuator;
+            told.push(format!(
+                "rul.events: expected an actuator of this configuration, found {name:?}; that event is ignored"
+            ));
+        }
+        let more = new.count();
+        if more > 0 {
+            let more = counted(more as u64, "more event", "more events");
+            told.push(format!(
+                "rul.events: {more} of actuators that are not in this configuration, ignored"
+            ));
+        }
+        told
     }
 }
 

@@ -10,7 +10,6 @@ use super::clock_steps::is_set;
 use super::maintenance::{Event, EventKind, Events, ReplacedPart};
 use super::{ResumedState, RunEnd, UnitHistory};
 use crate::config::{ActuatorConfig, Config};
-use crate::counted::counted;
 use crate::health::LevelsError;
 
 /// The unit histories of a run. At most one for each of 16 actuators on each of 64 interfaces.
@@ -96,39 +95,7 @@ impl HistoryStore {
 
     /// Sets the maintenance events. Each resets its history once, when a window begins at or after it.
     pub fn set_events(&mut self, events: Events) {
-        let reported = &self.events.unfinished;
-        for line in events.unfinished.iter().filter(|line| !reported.contains(line)) {
-            self.notices.push(format!(
-                "rul.events, line {line}: never finished and ignored; record that event again"
-            ));
-        }
-        let reported = &self.events.unreadable;
-        for bad in events.unreadable.iter().filter(|bad| !reported.contains(bad)) {
-            self.notices.push(bad.to_string());
-        }
-        if events.more_bad_lines > self.events.more_bad_lines {
-            let more = counted(events.more_bad_lines, "more line", "more lines");
-            self.notices.push(format!(
-                "rul.events: {more} never finished or no event, ignored; correct the file"
-            ));
-        }
-        let of_nobody = |event: &&Event| self.config.actuator_named(&event.actuator).is_none();
-        let reported: BTreeSet<&Event> = self.events.list.iter().filter(of_nobody).collect();
-        let new = events.list.iter().filter(of_nobody);
-        let mut new = new.filter(|event| !reported.contains(event));
-        for event in new.by_ref().take(UNKNOWN_REPORTED_MAX) {
-            let name = &event.actuator;
-            self.notices.push(format!(
-                "rul.events: expected an actuator of this configuration, found {name:?}; that event is ignored"
-            ));
-        }
-        let more = new.count();
-        if more > 0 {
-            let more = counted(more as u64, "more event", "more events");
-            self.notices.push(format!(
-                "rul.events: {more} of actuators that are not in this configuration, ignored"
-            ));
-        }
+        self.notices.extend(events.complaints(&self.events, &self.config));
         self.events = events;
     }
 
@@ -168,7 +135,17 @@ impl HistoryStore {
             Entry::Occupied(known) => known.into_mut(),
             Entry::Vacant(new) => {
                 let history = match self.restored.remove(&actuator.name) {
-                    Some(history) => history.resumed(config, serial_number.clone())?,
+                    Some(history) => {
+                        if history.serial_number != *serial_number {
+                            let [was, is] = [&history.serial_number, serial_number]
+                                .map(|number| number.as_deref().unwrap_or("without a serial number"));
+                            self.notices.push(format!(
+                                "{}: another unit by its serial number ({was} before, {is} now): its history begins anew",
+                                actuator.name
+                            ));
+                        }
+                        history.resumed(config, serial_number.clone())?
+                    }
                     None => UnitHistory::new(config, serial_number.clone())?,
                 };
                 let history = new.insert(history);
@@ -284,9 +261,6 @@ const EACH_PART_AND_THE_UNIT: [Option<ReplacedPart>; ReplacedPart::COUNT + 1] = 
     Some(ReplacedPart::Gearbox),
     Some(ReplacedPart::Controller),
 ];
-
-/// Most events of unknown actuators that are reported one by one at a time; the others are counted.
-const UNKNOWN_REPORTED_MAX: usize = 100;
 
 /// Replacements of the unit of an actuator (`None`) or of a part of it, up to a time.
 fn resets<'a>(

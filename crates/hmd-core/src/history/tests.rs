@@ -454,6 +454,14 @@ fn a_restored_history_continues_and_a_new_unit_begins_its_own() {
         .resumed(&config, Some("another".to_owned()))
         .expect("levels");
     assert_eq!(other.used, Odometer::default());
+
+    let mut renamed = stored(&second);
+    renamed.serial_number = Some("another".to_owned());
+    let mut third = HistoryStore::new(config.clone());
+    third.restore("ema0", renamed);
+    wear_out(&mut third, &config, 60, 61);
+    let told = "ema0: another unit by its serial number (another before, without a serial number now): its history begins anew";
+    assert_eq!(third.take_notices(), [told]);
 }
 
 /// Whatever numbers a file holds: it is refused, or the history resumes.

@@ -118,14 +118,16 @@ pub(super) fn stuck(slots: &[Slot], limits: &Limits) -> Option<Signal> {
 }
 
 /// Whether one of the currents stood still, bit for bit, for the stuck time and longer, while the motor turned and another current
-/// changed. The sum of the currents refuses such samples, so it is found among all that were received.
+/// changed. The sum of the currents refuses such samples, so it is found among all that were received. At the end of the converter's range a
+/// current stands still too, and is refused as that.
 pub(super) fn one_current_stuck(slots: &[Slot], limits: &Limits) -> bool {
     let motor = |s: &SensedSample| s.motor_counts as f64 * limits.rotor.motor_lsb;
+    let end_a = limits.full_scale_a - 1.5 * limits.current_lsb_a;
     (0..3).any(|phase| {
         stands_while(
             slots.iter().filter(|s| s.was_received() && s.is_good(Part::Motor)),
             limits.lengths.stuck,
-            |a, b| a.currents[phase].is_finite() && is_held(a, b, phase),
+            |a, b| a.currents[phase].abs() < end_a && is_held(a, b, phase),
             |a, b| (0..3).any(|n| !is_held(a, b, n)) && (motor(b) - motor(a)).abs() > MOTION_RAD,
         )
     })

@@ -38,6 +38,8 @@ pub struct SurveyedSignal {
     pub guess: Option<Quantity>,
     /// What speaks against that: of several signals of one quantity that with the least is meant, else the first.
     pub doubt: Doubt,
+    /// Whether another signal beside it has the same name.
+    pub is_ambiguous: bool,
 }
 
 impl SurveyedSignal {
@@ -119,10 +121,18 @@ pub fn survey(path: &Path) -> Result<Survey, IngestError> {
             texts: Vec::new(),
             guess: of_guess.or(is_own_time.then_some(Quantity::Time)),
             doubt: guess.as_ref().map_or(Doubt::None, |guess| guess.doubt),
+            is_ambiguous: false,
             guessed_unit: guess.and_then(|guess| guess.unit),
         });
     }
     for group in log.groups() {
+        for &n in &group {
+            found[n].is_ambiguous = group
+                .iter()
+                .filter(|&&other| found[other].name == found[n].name)
+                .count()
+                > 1;
+        }
         let selected: Vec<_> = group.iter().map(|&n| (n, Between::Unknown)).collect();
         // What cannot be selected has no values.
         if log.select(&selected).is_err() {

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use ema_wire::can::FD_LEN;
 use ema_wire::{ActuatorId, Frame, SampleFd};
 use hmd_core::config::ActuatorConfig;
+use hmd_core::dbc::Dimension;
 use hmd_core::frame::{BusNames, FrameFlags, RawFrame};
 use hmd_core::log_map::{Column, LogMap, Quantity, Resampling, RotorFrame, RowDecoder, RowFault};
 use hmd_storage::quoted;
@@ -96,7 +97,10 @@ impl MappedFrames {
             let info = &log.signals()[place];
             if is_ambiguous(&*log, column) {
                 let found = format!("several {:?}", column.signal);
-                return Err(Unusable::new("a name that one column alone has", found));
+                return Err(Unusable::new(
+                    "a name that one column alone has: rename the others in the file",
+                    found,
+                ));
             }
             refuse_other_unit_of_time(column, info)?;
             let unit = column.conversion(info.unit.as_deref(), &actuator.params);
@@ -384,10 +388,12 @@ fn is_ambiguous(log: &dyn SignalLog, column: &Column) -> bool {
 /// A date, or a number of which the log says what it counts, is in no other unit.
 fn refuse_other_unit_of_time(column: &Column, info: &SignalInfo) -> Result<(), Unusable> {
     match (column.quantity, &info.unit, &column.unit) {
-        (Quantity::Time, Some(own), Some(unit)) if own != unit => Err(Unusable::new(
-            "no unit of the time in [map] other than the log's",
-            format!("{unit:?} for {:?}, which counts in {own}", info.name),
-        )),
+        (Quantity::Time, Some(own), Some(unit)) if own != unit && Dimension::Time.unit(own).is_some() => {
+            Err(Unusable::new(
+                "no unit of the time in [map] other than the log's",
+                format!("{unit:?} for {:?}, which counts in {own}", info.name),
+            ))
+        }
         _ => Ok(()),
     }
 }

@@ -9,6 +9,7 @@ use hmd_core::health::HealthState;
 use hmd_core::history::{FELL, ReplacedPart};
 use hmd_core::learning::NOT_LEARNT;
 use hmd_core::record::{Rul, SensorReading};
+use hmd_core::sensor_checks::Suspect;
 use hmd_core::sensor_health::SensorQuantity;
 
 use super::clock_doubt::clock_sentence;
@@ -38,11 +39,10 @@ pub(super) fn period(history: &History, zone: &Zone) -> String {
 
 /// What stands in the box of a unit whose recordings overlap in time.
 const OVERLAP: &str = "Recordings overlap in time: they are of several units, or of one twice. The newest window counts; serial_number in \
-                       the configuration tells units apart.";
+                       the configuration tells units apart, and of one twice leave one out.";
 
 /// State, what to do, since when, and how long the actuator lasts.
 pub(super) fn headline(advice: &Recommendation, history: &History, zone: &Zone) -> String {
-    let health = &history.newest.health;
     let state = advice.state.name();
     let mut text = format!(
         "<p class=\"assessment {state}\"><strong>{state}</strong><br>{}",
@@ -67,31 +67,7 @@ pub(super) fn headline(advice: &Recommendation, history: &History, zone: &Zone) 
     if let Some(since) = advice.since_ns {
         let _ = write!(text, "<br>{} since {}.", with_capital(state), zone.minute(since));
     }
-    if let Some(Unassessed { windows, since_ns }) = advice.unassessed {
-        let which = match windows {
-            1 => "The newest window could not be assessed".to_owned(),
-            _ => format!(
-                "The newest {windows} windows, since {}, could not be assessed",
-                zone.minute(since_ns)
-            ),
-        };
-        let reason = if health.reason.is_empty() { "" } else { ": " };
-        let _ = write!(
-            text,
-            "<br>{which}{reason}{}.",
-            escaped(&first_what_hinders(&health.reason))
-        );
-    } else if let reason = left_of_reason(history)
-        && !reason.is_empty()
-    {
-        let status = &health.status;
-        let _ = write!(
-            text,
-            "<br>The newest window is {}: {}.",
-            escaped(status),
-            escaped(&reason)
-        );
-    }
+    text += &of_newest_windows(advice, history, zone);
     if let Some(since) = advice.suspected_since_ns {
         let _ = write!(text, "<br>Sensors suspected since {}.", zone.minute(since));
     }
@@ -112,6 +88,34 @@ pub(super) fn headline(advice: &Recommendation, history: &History, zone: &Zone) 
     }
     let _ = writeln!(text, "<br>{}</p>", escaped(&remaining_life(advice, history, zone)));
     text
+}
+
+/// Why the newest windows were not assessed, or what is wrong with the last one; nothing of another unit than the one that is in place.
+fn of_newest_windows(advice: &Recommendation, history: &History, zone: &Zone) -> String {
+    let health = &history.newest.health;
+    if history.replaced_since.iter().any(|of| of.part.is_none()) {
+        return String::new();
+    }
+    if let Some(Unassessed { windows, since_ns }) = advice.unassessed {
+        let which = match windows {
+            1 => "The newest window could not be assessed".to_owned(),
+            _ => format!(
+                "The newest {windows} windows, since {}, could not be assessed",
+                zone.minute(since_ns)
+            ),
+        };
+        let reason = if health.reason.is_empty() { "" } else { ": " };
+        return format!("<br>{which}{reason}{}.", escaped(&first_what_hinders(&health.reason)));
+    }
+    let reason = left_of_reason(history);
+    if reason.is_empty() {
+        return String::new();
+    }
+    format!(
+        "<br>The newest window is {}: {}.",
+        escaped(&health.status),
+        escaped(&reason)
+    )
 }
 
 /// The faults that no window has shown, and those that a window put in doubt, since when and why. What was replaced has its own sentence.
@@ -172,8 +176,15 @@ fn left_of_reason(history: &History) -> String {
         let mut worn = FaultId::ALL.into_iter().filter(named).peekable();
         is_new_unit || worn.peek().is_some() && worn.all(is_new)
     };
+    let replaced = || history.replaced_since.iter().filter_map(|of| of.part);
+    let is_gone = |suspect: &Suspect| replaced().any(|part| part.suspects().contains(suspect));
+    let doubts_what_is_gone = |part: &str| {
+        let suspect = part.split_once(": ").and_then(|(name, _)| Suspect::from_name(name));
+        suspect.as_ref().is_some_and(is_gone)
+    };
     let asks = |part: &&str| {
-        part.starts_with(NOT_LEARNT) && answers(part)
+        doubts_what_is_gone(part)
+            || part.starts_with(NOT_LEARNT) && answers(part)
             || part.starts_with(FELL) && entered().next().is_some() && !history.has_fallen()
     };
     let reason = &history.newest.health.reason;

@@ -155,7 +155,11 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         return Err(nothing.into());
     }
     let config = load_config(args.config.as_deref())?;
-    for line in printer.summary_lines(&load_events(&config)?, &config, now_ns()) {
+    let events = load_events(&config)?;
+    for line in events.complaints(&Events::default(), &config) {
+        warn(format_args!("{line}"));
+    }
+    for line in printer.summary_lines(&events, &config, now_ns()) {
         say(&line)?;
     }
     Ok(losses.exit(&mut to_stderr))

@@ -204,6 +204,7 @@ mod tests {
             texts: Vec::new(),
             guess: guess.as_ref().map(|guess| guess.quantity),
             doubt: guess.as_ref().map_or(Doubt::None, |guess| guess.doubt),
+            is_ambiguous: false,
             guessed_unit: guess.and_then(|guess| guess.unit),
         }
     }
@@ -211,6 +212,17 @@ mod tests {
     fn configuration(log: &str, signals: &[SurveyedSignal]) -> String {
         let (signals, not_read) = (signals.to_vec(), vec!["x.y".to_owned()]);
         super::configuration(log, &Survey { signals, not_read }).unwrap()
+    }
+
+    #[test]
+    fn a_name_that_several_columns_have_stands_in_a_comment() {
+        let twice = SurveyedSignal {
+            is_ambiguous: true,
+            ..signal("I_A", "A", [-3.0, 3.0])
+        };
+        let text = configuration("a.csv", &[twice.clone(), twice]);
+        let expected = "# currents.a = \"I_A\"  # several columns have this name: rename the others in the file\n";
+        assert!(text.contains(expected), "{text}");
     }
 
     #[test]

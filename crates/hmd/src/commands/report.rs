@@ -10,6 +10,7 @@ use super::recordings::{Wanted, recordings};
 use super::{Exit, Losses, Misuse, load_config, to_stderr};
 use ema_models::FaultId;
 use hmd_core::health::Levels;
+use hmd_core::history::Events;
 use hmd_report::pdf;
 use hmd_report::report::{Files, Maintenance, RecordedLevels, View, Zone, page};
 use hmd_storage::clock::now_ns;
@@ -77,8 +78,13 @@ pub fn run_with(args: &Args, tell: &mut dyn FnMut(&str)) -> anyhow::Result<Exit>
     }
     let zone = zone(args.zone.as_deref())?;
     let mut losses = Losses::default();
+    let events = load_events(&config)?;
+    events
+        .complaints(&Events::default(), &config)
+        .iter()
+        .for_each(|line| tell(line));
     let maintenance = Maintenance {
-        events: &load_events(&config)?,
+        events: &events,
         config: &config,
         now_ns: now_ns(),
     };

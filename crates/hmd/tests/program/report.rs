@@ -175,5 +175,21 @@ fn of_recordings_that_overlap_the_newest_window_counts_in_any_order_of_files() {
         "{line}"
     );
     assert!(done(&folder, "inspect --summary a.mcap").contains("/CRITICAL/"));
+    // Entries that do not count are told wherever the events are asked.
+    let events = fs::read_to_string(folder.path().join("events")).expect("events");
+    let misspelt = events.replace("\"ail\"", "\"ale\"");
+    fs::write(folder.path().join("events"), format!("{misspelt}{{\"t_ns\":1")).expect("a file");
+    for line in [
+        "inspect --summary a.mcap -c hmd.toml",
+        "report a.mcap -c hmd.toml -o ail.html",
+    ] {
+        let told = String::from_utf8(hmd(&folder, line).stderr).expect("text");
+        for expected in [
+            "found \"ale\"; that event is ignored",
+            "line 2: never finished and ignored",
+        ] {
+            assert!(told.contains(expected), "{line}: {told}");
+        }
+    }
     refused(&folder, "inspect a.mcap -c hmd.toml", 2);
 }

@@ -21,6 +21,9 @@ fn usual_names_are_recognised_and_units_decide() {
     assert_eq!(quantity("SpeedDemand", "rpm"), Some(Quantity::Of(Role::CommandSpeed)));
     assert_eq!(quantity("elapsed", "ms"), None);
     assert_eq!(quantity("Iq_act", "A"), Some(Quantity::CurrentQ));
+    assert_eq!(quantity("I1", "Amps"), Some(Quantity::Of(Role::CurrentA)));
+    assert_eq!(quantity("Time", "sec"), Some(Quantity::Time));
+    assert_eq!(quantity("Pos Motor", "Deg"), Some(Quantity::Of(Role::MotorPosition)));
 }
 
 #[test]

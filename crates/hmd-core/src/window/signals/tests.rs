@@ -315,6 +315,14 @@ fn one_current_is_stuck_while_another_changes_and_the_motor_turns() {
         assert!(!found(phase, 40, 1024, true), "{phase}: the motor turned less");
         assert!(!found(phase, 40, 1025, false), "{phase}: all of them stand");
     }
+    // At the end of the converter's range it is refused as that.
+    let limits = exact();
+    let slots = standing(40, |n, _, s| {
+        s.currents = changing(n);
+        s.currents[0] = limits.full_scale_a;
+        s.motor_counts = 5000 + if n < 49 { 0 } else { 1025 };
+    });
+    assert!(!one_current_stuck(&slots, &limits));
 }
 
 #[test]

@@ -386,6 +386,7 @@ fn a_level_that_no_recording_is_long_enough_for_is_told() {
     let mut history = history(&["nominal"; 3], &[], worn);
     for point in &mut history.points {
         point.begins_recording = true;
+        point.estimate.as_mut().unwrap().k[0] = 0.71;
     }
     let action = |history: &History, persistence: u32| {
         let levels = Levels {
@@ -395,7 +396,7 @@ fn a_level_that_no_recording_is_long_enough_for_is_told() {
         let rules = Rules::new(&[levels; FaultId::COUNT], 0.0, true);
         recommendation(history, &rules, &Zone::utc()).action
     };
-    let expected = "Friction counts as critical once 2 windows in a row show it, and the newest recording has 1: replay the logs as one.";
+    let expected = "Friction counts as critical once 2 windows in a row show it, so far 1: replay the logs as one.";
     assert_eq!(action(&history, 2), expected);
     assert_eq!(action(&history, 1), "No action.");
     // By other levels than those of the windows the damage has its level at once; where they are not higher nothing is said.
@@ -418,6 +419,13 @@ fn a_level_that_no_recording_is_long_enough_for_is_told() {
     history.points[1].begins_recording = false;
     history.points[2].begins_recording = false;
     assert_eq!(action(&history, 2), "No action.");
+    let expected = "Friction counts as critical once 4 windows in a row show it, so far 3: move the actuator again, and look at this page then.";
+    assert_eq!(action(&history, 4), expected);
+    // Another window of the recording shows less.
+    history.points[1].estimate.as_mut().unwrap().k[0] = 0.0;
+    let expected = "Friction counts as critical once 2 windows in a row show it, so far 1: move the actuator again, and look at this page \
+                    then.";
+    assert_eq!(action(&history, 2), expected);
 }
 
 #[test]

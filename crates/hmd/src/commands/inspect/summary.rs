@@ -3,6 +3,7 @@
 use ema_models::FaultId;
 use hmd_core::health::{HealthState, Levels, significance};
 use hmd_core::newest::Newest;
+use hmd_core::record::WindowStatus;
 use hmd_core::timestamp::compact_minute;
 
 /// Longest line, characters: the text of one ACARS block.
@@ -53,11 +54,16 @@ pub(super) fn summary_line(newest: &Newest, levels: &[Levels; FaultId::COUNT], s
     };
     let faults: Vec<String> = FaultId::ALL.into_iter().filter(is_fault).map(named).collect();
     let pending: Vec<String> = FaultId::ALL.into_iter().filter(is_pending).map(named).collect();
+    // A window that was not assessed says nothing.
+    let is_assessed = ![WindowStatus::Invalid, WindowStatus::Unmodelled]
+        .iter()
+        .any(|not| not.name() == health.status);
+    let is_nominal = is_assessed && health.health == HealthState::Nominal.name();
     let is_unknown = |n: &usize| states[*n] == HealthState::Unknown;
     let unknown: Vec<&str> = (0..FaultId::COUNT).filter(is_unknown).map(|n| SHORT_NAMES[n]).collect();
     if !faults.is_empty() {
         fields.push(faults.join(" "));
-    } else if pending.is_empty() && unknown.is_empty() && health.health == HealthState::Nominal.name() {
+    } else if pending.is_empty() && unknown.is_empty() && is_nominal {
         fields.push("NO FAULT".to_owned());
     }
     match unknown.len() {
@@ -84,9 +90,11 @@ pub(super) fn summary_line(newest: &Newest, levels: &[Levels; FaultId::COUNT], s
     }
     fields.extend(serial_number.map(|number| format!("SN {}", number.chars().take(NAME_MAX).collect::<String>())));
     // Last, as the end of a name may be cut.
-    match health.suspects.as_slice() {
+    let fallen = newest.fallen.contains(&true).then_some("fallen damage");
+    let checks: Vec<&str> = health.suspects.iter().map(String::as_str).chain(fallen).collect();
+    match checks.as_slice() {
         [] => {}
-        [suspect] => fields.push(format!("CHECK {suspect}")),
+        [check] => fields.push(format!("CHECK {check}")),
         many => fields.push(format!("CHECK {} ITEMS", many.len())),
     }
     fields.join("/").chars().map(sent).take(LENGTH_MAX).collect()

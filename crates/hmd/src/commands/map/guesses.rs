@@ -76,6 +76,7 @@ impl<'a> Guesses<'a> {
         let has_phases = has(Quantity::Of(Role::CurrentA)) && has(Quantity::Of(Role::CurrentB));
         let is_rotor = matches!(of, Quantity::CurrentD | Quantity::CurrentQ);
         match of {
+            _ if signal.is_ambiguous => Some("several columns have this name: rename the others in the file"),
             Quantity::Time if signal.range.is_none() && !signal.texts.is_empty() => {
                 Some("no number, and no date that is read: see docs/logs.md")
             }

@@ -128,7 +128,8 @@ fn level(shown: Option<Shown>, mode: Option<&FaultMode>, state: HealthState, new
 fn without_trend(shown: Option<Shown>, mode: Option<&FaultMode>, state: HealthState, rul: &Rul) -> String {
     match shown {
         None => "no trend: not shown".to_owned(),
-        Some(_) if state >= HealthState::Watch && !rul.reason.is_empty() => rul.reason.clone(),
+        // The record has one reason for all faults: that of the one nearest to a number.
+        Some(_) if state >= HealthState::Watch && !rul.reason.is_empty() => format!("of the actuator: {}", rul.reason),
         Some(_) if state >= HealthState::Watch => {
             "no trend: the damage does not grow, has jumped, or the windows are too few".to_owned()
         }
@@ -190,6 +191,12 @@ mod tests {
         };
         let mode = unknown.of_windows(FaultId::Friction);
         assert_eq!(level(Some(shown), mode, HealthState::Critical, 0), "critical");
+        let of_another = Rul {
+            reason: "no trend yet: 2 of 6 estimates".to_owned(),
+            ..Rul::default()
+        };
+        let text = without_trend(Some(shown), mode, HealthState::Watch, &of_another);
+        assert_eq!(text, "of the actuator: no trend yet: 2 of 6 estimates");
         let text = without_trend(Some(shown), mode, HealthState::Nominal, &Rul::default());
         assert_eq!(text, "no trend: below the watch level, or within its uncertainty");
         let mode = Rules::default();

@@ -113,9 +113,8 @@ fn friction_sigma(job: &WindowJob, commissioned_deg_c: Option<[f64; 2]>, [dry, v
     dry.hypot(viscous) * off_k / FRICTION_TEMPERATURE_SPAN_K
 }
 
-/// The same of the load at the output, Nm, that the motion needs, where the friction is `worn` times that of commissioning. What the friction at the
-/// top speed changes may pass for a load of one direction: bench windows of mixed motion, 40 K warmer, T_d worn by 0.8 and C of 1.4e-3 N m s/rad
-/// infer 32 Nm, where that change is 30 Nm. C counts at the end of its tolerance. Derived here.
+/// The same of the load at the output, Nm, that the motion needs, where the friction is `worn` times that of commissioning. What the friction changes at the
+/// top speed may pass for a load of one direction (test `friction_at_other_temperatures_is_neither_denied_nor_accused`). C counts at the end of its tolerance. Derived here.
 pub(crate) fn load_sigma_by_temperature(job: &WindowJob, commissioned_deg_c: Option<[f64; 2]>, worn: f64) -> f64 {
     let (motor, transmission) = (&job.params.motor, &job.params.transmission);
     let dry = worn.max(1.0) * transmission.friction_dynamic;

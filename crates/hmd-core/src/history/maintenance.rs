@@ -193,7 +193,7 @@ impl Events {
 
     /// What an operator should read of lines that do not count, and of events of actuators that this configuration does not have; `before` was told.
     #[must_use]
-    pub fn complaints(&self, before: &Self, config: &Config) -> Vec<String> {
+    pub fn ignored_entries(&self, before: &Self, config: &Config) -> Vec<String> {
         let mut told = Vec::new();
         for line in self.unfinished.iter().filter(|line| !before.unfinished.contains(line)) {
             told.push(format!(

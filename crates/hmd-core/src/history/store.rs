@@ -95,7 +95,7 @@ impl HistoryStore {
 
     /// Sets the maintenance events. Each resets its history once, when a window begins at or after it.
     pub fn set_events(&mut self, events: Events) {
-        self.notices.extend(events.complaints(&self.events, &self.config));
+        self.notices.extend(events.ignored_entries(&self.events, &self.config));
         self.events = events;
     }
 

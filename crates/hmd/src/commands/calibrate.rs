@@ -199,8 +199,8 @@ fn unit(args: &Args, logs: &[PathBuf], config: Config, tell: &mut dyn FnMut(&str
     Ok(if found.data_lost { Exit::DataLost } else { Exit::Done })
 }
 
-/// Windows that are assessed by the type alone too: what a type is off is off in all windows alike, and each takes as long as a tenth of
-/// commissioning.
+/// Windows that are assessed by the type alone too: what a type is off is off in all windows alike, and each is a search with all
+/// tolerances free.
 const SEEN_BY_TYPE: usize = 5;
 
 /// So many of all at most, evenly spread, with the first and the last.

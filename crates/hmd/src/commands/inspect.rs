@@ -156,7 +156,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     }
     let config = load_config(args.config.as_deref())?;
     let events = load_events(&config)?;
-    for line in events.complaints(&Events::default(), &config) {
+    for line in events.ignored_entries(&Events::default(), &config) {
         warn(format_args!("{line}"));
     }
     for line in printer.summary_lines(&events, &config, now_ns()) {

@@ -80,7 +80,7 @@ pub fn run_with(args: &Args, tell: &mut dyn FnMut(&str)) -> anyhow::Result<Exit>
     let mut losses = Losses::default();
     let events = load_events(&config)?;
     events
-        .complaints(&Events::default(), &config)
+        .ignored_entries(&Events::default(), &config)
         .iter()
         .for_each(|line| tell(line));
     let maintenance = Maintenance {

@@ -40,7 +40,7 @@ pub use conclusion::identify_from_health;
 pub(crate) use conclusion::{Search, conclude};
 #[cfg(feature = "std")]
 pub(crate) use least_squares::{
-    Descent, LocalOptimum, MAX_STARTS, RUNS_OF_DESCENT, RUNS_OF_STEP, Starts, UNLIMITED, best_first,
+    Descent, LocalOptimum, MAX_STARTS, RUNS_OF_DESCENT, RUNS_OF_STEP, Starts, UNLIMITED, best_first, descend_from_each,
     descend_side_by_side, starts,
 };
 pub use least_squares::{estimator_bias, refined_from};

@@ -55,6 +55,7 @@ mod sliding;
 mod terms;
 mod torque_balance;
 mod transmission;
+mod type_balance;
 
 pub use baseline::Baseline;
 pub use between_samples::{coarse_torque_error, is_coarsely_sampled};
@@ -77,3 +78,4 @@ pub use shared::FRICTION_MIN_SHARE;
 pub use shared::SHARED_COUNT;
 pub use terms::{BalanceShape, TERM_COUNT, Term};
 pub use torque_balance::BalanceCoefficients;
+pub(crate) use type_balance::{ByTypeBalance, by_type_balance};

@@ -116,11 +116,13 @@ impl<R: Real> DryFriction<R> {
     #[inline(always)]
     pub(crate) fn with_load_change(self, [opposing, aiding]: [R; 2], change: R) -> Self {
         let load = self.load + change;
-        let opposes_positive = |load: R| R::zero().lt(load);
-        let positive = |load: R| R::select(opposes_positive(load), opposing, aiding) * load.abs();
-        let negative = |load: R| R::select(opposes_positive(load), aiding, opposing) * load.abs();
-        let moving_positive = self.moving_positive + (positive(load) - positive(self.load));
-        let moving_negative = self.moving_negative + (negative(load) - negative(self.load));
+        let [more_positive, more_negative] = {
+            let [positive, negative] = gear_losses([opposing, aiding], load);
+            let [positive_before, negative_before] = gear_losses([opposing, aiding], self.load);
+            [positive - positive_before, negative - negative_before]
+        };
+        let moving_positive = self.moving_positive + more_positive;
+        let moving_negative = self.moving_negative + more_negative;
         let breakaway = self.breakaway + opposing * (load.abs() - self.load.abs());
         Self {
             load,
@@ -192,6 +194,18 @@ impl<R: Real> DryFriction<R> {
         *deficit = R::select(rests, (-excess).max(zero), self.stop_transition);
         R::select(rests, R::select(zero.lt(excess), started * left, zero), moved)
     }
+}
+
+/// Losses of a gear under a load, in positive and in negative motion, Nm. A function and no closure, which is not inlined where it is
+/// called twice; what is not inlined has no vector instructions.
+#[inline(always)]
+fn gear_losses<R: Real>([opposing, aiding]: [R; 2], load: R) -> [R; 2] {
+    let opposes_positive = R::zero().lt(load);
+    let size = load.abs();
+    [
+        R::select(opposes_positive, opposing, aiding) * size,
+        R::select(opposes_positive, aiding, opposing) * size,
+    ]
 }
 
 #[cfg(test)]

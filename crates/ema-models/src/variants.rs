@@ -88,7 +88,7 @@ impl Comparison<'_> {
         );
     }
 
-    /// Unweighted residuals of monitors side by side, one row per sample. `torques` and `residuals` have as many rows as the
+    /// Unweighted residuals of monitors side by side, one row per measured sample; the others stay as they are. `torques` and `residuals` have as many rows as the
     /// window has samples; samples beyond the shorter are left out.
     pub fn residuals_of_variants(
         &self,
@@ -129,7 +129,6 @@ impl LaneWork for VariantResiduals<'_> {
         };
         let of_sample = |n: usize| shaft.at(monitor.friction(), self.torques.get(n));
         let residuals = self.residuals;
-        residuals.fill([[0.0; COST_LANES]; SIGNAL_COUNT]);
         self.comparison.run_under(
             &monitor,
             of_sample,
@@ -215,25 +214,33 @@ const ROWS_AT_ONCE: usize = 8;
 /// Sums in one register of the widest kind.
 const SUMS_AT_ONCE: usize = 8;
 
+/// Lines of sums that share the loads of a row.
+const LINES_AT_ONCE: usize = 4;
+
 /// Adds the products of some rows.
 #[inline(always)]
 fn add_block<const ROWS: usize>(block: &[GramRow; ROWS], sums: &mut [GramRow; GRAM_COLUMNS]) {
-    for (p, sums) in sums.iter_mut().enumerate() {
+    for first in (0..GRAM_COLUMNS).step_by(LINES_AT_ONCE) {
         // Whole registers: some of the upper triangle is summed as well.
-        for begin in (0..=p).step_by(SUMS_AT_ONCE) {
-            let mut partial: [f64; SUMS_AT_ONCE] = core::array::from_fn(|n| sums[begin + n]);
+        for begin in (0..first + LINES_AT_ONCE).step_by(SUMS_AT_ONCE) {
+            let mut partial: [[f64; SUMS_AT_ONCE]; LINES_AT_ONCE] =
+                core::array::from_fn(|line| core::array::from_fn(|n| sums[first + line][begin + n]));
             for row in block {
-                let factor = row[p];
-                for (n, sum) in partial.iter_mut().enumerate() {
-                    *sum += factor * row[begin + n];
+                for (line, partial) in partial.iter_mut().enumerate() {
+                    let factor = row[first + line];
+                    for (n, sum) in partial.iter_mut().enumerate() {
+                        *sum += factor * row[begin + n];
+                    }
                 }
             }
-            sums[begin..begin + SUMS_AT_ONCE].copy_from_slice(&partial);
+            for (line, partial) in partial.iter().enumerate() {
+                sums[first + line][begin..begin + SUMS_AT_ONCE].copy_from_slice(partial);
+            }
         }
     }
 }
 
-const _: () = assert!(GRAM_COLUMNS.is_multiple_of(SUMS_AT_ONCE));
+const _: () = assert!(GRAM_COLUMNS.is_multiple_of(SUMS_AT_ONCE) && GRAM_COLUMNS.is_multiple_of(LINES_AT_ONCE));
 
 #[cfg(test)]
 mod tests {

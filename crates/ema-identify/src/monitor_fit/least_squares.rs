@@ -96,6 +96,14 @@ impl Descent {
 
 #[cfg(feature = "std")]
 impl Descent {
+    /// From what the balance of the type says, without nuisances, to where a descent with them starts.
+    pub(crate) const TO_NUISANCES: Self = Self {
+        steps: &[FINE_STEP],
+        damping: 1e-4,
+        cost_tolerance: 1e-3,
+        expected_tolerance: 1e-3,
+    };
+
     /// As far as without nuisances, which lower the cost further and start from there.
     pub(crate) const WITHOUT_NUISANCES: Self = Self {
         cost_tolerance: 1e-6,
@@ -142,7 +150,7 @@ pub(crate) const UNLIMITED: u64 = u64::MAX;
 pub(super) const RUNS_PER_LINEARISATION: u64 = UNKNOWN_COUNT as u64 + 1;
 
 /// One descent from each start, one after another, each with `budget` monitor runs at most.
-pub(super) fn descend_from_each(
+pub(crate) fn descend_from_each(
     window: &impl MonitoredWindow,
     starts: &Starts,
     how: Descent,

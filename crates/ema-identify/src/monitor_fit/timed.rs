@@ -1,6 +1,6 @@
 //! The host's window whose monitors can run in coarse time.
 
-use std::vec;
+use core::cell::RefCell;
 use std::vec::Vec;
 
 use ema_models::{
@@ -17,13 +17,40 @@ pub(crate) struct Timed<'a> {
     fine: Comparison<'a>,
     coarse: &'a ActuatorParams,
     time: Time,
+    kept: &'a RefCell<FineResiduals>,
+}
+
+/// Residuals of fine time at the last point, unweighted, zero where a sample was not measured: a descent linearises where it has just
+/// computed a cost.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct FineResiduals {
+    at: Option<Coordinates>,
+    rows: Vec<[f64; SIGNAL_COUNT]>,
+}
+
+impl FineResiduals {
+    /// Those of a window at a point.
+    fn at(&mut self, window: &Comparison<'_>, at: &Coordinates) -> &[[f64; SIGNAL_COUNT]] {
+        if self.at != Some(*at) {
+            self.at = Some(*at);
+            self.rows.clear();
+            self.rows.resize(window.sample_count(), [0.0; SIGNAL_COUNT]);
+            let unknowns = Scale::new(window.params).unknowns(at);
+            window.residuals(&unknowns, |n, r| self.rows[n] = r.to_array());
+        }
+        &self.rows
+    }
 }
 
 impl<'a> Timed<'a> {
     /// In fine time; `coarse` is [`coarse_in_time`](super::coarse_in_time).
-    pub(crate) fn new(fine: Comparison<'a>, coarse: &'a ActuatorParams) -> Self {
-        let time = Time::Fine;
-        Self { fine, coarse, time }
+    pub(crate) fn new(fine: Comparison<'a>, coarse: &'a ActuatorParams, kept: &'a RefCell<FineResiduals>) -> Self {
+        Self {
+            fine,
+            coarse,
+            time: Time::Fine,
+            kept,
+        }
     }
 
     fn in_coarse_time(&self) -> Comparison<'a> {
@@ -95,14 +122,32 @@ impl MonitoredWindow for Timed<'_> {
         if self.time != Time::Both {
             return self.compared().normal_equations(at, step);
         }
-        let mut residuals: Vec<[f64; SIGNAL_COUNT]> = vec![[0.0; SIGNAL_COUNT]; self.fine.sample_count()];
-        let unknowns = Scale::new(self.fine.params).unknowns(at);
-        self.fine.residuals(&unknowns, |n, r| residuals[n] = r.to_array());
-        self.in_coarse_time().normal_equations_with(at, step, &residuals)
+        let mut kept = self.kept.borrow_mut();
+        self.in_coarse_time()
+            .normal_equations_with(at, step, kept.at(&self.fine, at))
     }
 
     fn cost(&self, at: &Coordinates) -> f64 {
-        self.compared().cost(at)
+        if self.time != Time::Both {
+            return self.compared().cost(at);
+        }
+        // The bits of the comparison's own cost.
+        let mut kept = self.kept.borrow_mut();
+        let weights = self.fine.weights.to_array();
+        let mut sum = 0.0;
+        for row in kept.at(&self.fine, at) {
+            for (residual, weight) in row.iter().zip(weights) {
+                let weighted = weight * residual;
+                sum += weighted * weighted;
+            }
+        }
+        let count = self.fine.sample_count();
+        let mean = sum * (0.5 / count.max(1) as f64);
+        let known = self
+            .fine
+            .prior
+            .cost(&Scale::new(self.fine.params), &self.fine.conditions, at);
+        mean * count as f64 + known
     }
 
     const SIDE_BY_SIDE: usize = COST_LANES;

@@ -1,16 +1,19 @@
 //! From the best optimum of a search to the estimate of a window whose numbers have tolerances.
 
 use core::cell::RefCell;
+use core::mem;
 
 use ema_ga::{LmConfig, LmStop, levenberg_marquardt};
 use ema_models::{
-    COST_LANES, Comparison, Coordinates, FAULT_COUNT, FaultVector, MOTOR_COORDINATES, MotorKnowledge, SIGNAL_COUNT,
-    Scale, Signals, Tolerances, UNKNOWN_COUNT, Weights,
+    ActuatorParams, COST_LANES, Comparison, Coordinates, FAULT_COUNT, FaultVector, MOTOR_COORDINATES, MotorKnowledge,
+    SIGNAL_COUNT, Scale, Signals, Tolerances, UNKNOWN_COUNT, Weights,
 };
 
 use super::basis::Basis;
 use super::inferred::inferred;
-use super::problem::{DIMENSION, Linearised, NUISANCE_MAX, OnDescent, Point, Problem, coordinates};
+use super::problem::{DIMENSION, Linearised, NUISANCE_MAX, OnDescent, Point, Problem, Slopes, coordinates};
+use nalgebra::{SMatrix, SVector};
+
 use crate::calibration::Mismatch;
 use crate::estimate::{Estimate, OBSERVABLE_SIGMA};
 use crate::monitor_fit::competing_optima::{differ, undecided_difference};
@@ -27,6 +30,19 @@ const STEP: f64 = 1e-3;
 /// Linearisations at most of one descent.
 const MAX_ITERATIONS: u32 = 8;
 
+/// The same of one that starts nearby.
+const MAX_ITERATIONS_NEARBY: u32 = 4;
+
+/// Damping of the first step. Nuisances and faults explain much of a window alike: with less, a descent follows the valleys between them
+/// further than the monitor's own mismatch allows, away from where the window without nuisances led.
+const DAMPING: f64 = 1e-3;
+
+/// Decrease of the cost, as a share of it, by which no further step follows: the cost is some 1500, one standard deviation half a unit.
+const COST_TOLERANCE: f64 = 1e-3;
+
+/// The same of a decrease that is expected.
+const EXPECTED_TOLERANCE: f64 = 1e-4;
+
 /// Trials that a linearisation takes at most, on average.
 const TRIALS_PER_STEP: u32 = 3;
 
@@ -36,8 +52,10 @@ const RUNS_PER_LINEARISATION: u64 = DIMENSION as u64 + 1;
 /// Monitor runs of the further linearisations of a descent, without the slow coordinates, at most.
 const RUNS_PER_FURTHER: u64 = COST_LANES as u64;
 
-/// Descents at most: from two starts, after the reweighting, with another magnet, and from another friction.
-const DESCENTS: u64 = 5;
+/// The budget's share of the first descent, one in as many; and of each of the later ones: from another start, after the reweighting, with
+/// another magnet, and from another friction.
+const FIRST_SHARE: u64 = 2;
+const LATER_SHARE: u64 = 8;
 
 /// Blocks of consecutive samples whose contributions to an estimate are compared.
 const BLOCKS: usize = 16;
@@ -46,10 +64,14 @@ const BLOCKS: usize = 16;
 /// does; sigmas grow with the cost. Units with any imperfection that a nuisance describes cost 0.9 to 1.9.
 const SYSTEMATIC_COST: f64 = 2.0;
 
-/// Fits unknowns and nuisances of a window, from the best optimum of the search and from health. `budget` are the monitor runs that
-/// the whole identification may take.
+/// Fits unknowns and nuisances of a window, from the best optimum of the search and from its next one that differs. `budget` are the
+/// monitor runs that the whole identification may take.
+///
+/// After a search with the derivatives of coarse time this has them, too; after one in fine time without another optimum it also starts
+/// from health.
 pub(crate) fn conclude_with_tolerances(
     window: &Comparison<'_>,
+    coarse: &ActuatorParams,
     mismatch: &Mismatch,
     tolerances: &Tolerances,
     search: &Search,
@@ -57,20 +79,41 @@ pub(crate) fn conclude_with_tolerances(
 ) -> Estimate {
     let basis = Basis::new(window, tolerances);
     let buffers = RefCell::default();
-    let problem = Problem::new(*window, &basis, tolerances, STEP, &buffers);
+    let differentiated = if search.is_in_coarse_time {
+        coarse
+    } else {
+        window.params
+    };
+    let problem = Problem::new(*window, differentiated, &basis, tolerances, STEP, &buffers);
     let best = search.best().at;
-    let mut healthy = Scale::new(window.params).coordinates(&window.unknowns_with_fault(FaultVector::NOMINAL));
-    healthy.0[FAULT_COUNT..].copy_from_slice(&best.0[FAULT_COUNT..]);
+    let others = search.optima.iter().map(|optimum| optimum.at);
+    let other = others.skip(1).find(|other| differ(other, &best, |_| true));
+    let other = other.or_else(|| (!search.is_in_coarse_time).then(|| healthy(window, &best)));
     let left = budget.saturating_sub(search.evaluations + RUNS_PER_LINEARISATION);
-    let share = left / DESCENTS;
-    let mut descents = [best, healthy].map(|start| descend(&problem, point(&start), share));
-    descents.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    let [first, second] = descents;
+    let share = left / LATER_SHARE;
+    let from = |start: Coordinates, budget: u64| {
+        let mut slopes = None;
+        let end = descend(&problem, point(&start), &mut slopes, budget);
+        (end, slopes)
+    };
+    let (mut first, mut slopes) = from(best, left / FIRST_SHARE);
+    let mut second = None;
+    if let Some((other, nearby)) = other.map(|other| from(other, share)) {
+        if other.cost < first.cost {
+            second = Some(mem::replace(&mut first, other));
+            slopes = nearby;
+        } else {
+            second = Some(other);
+        }
+    }
     let reweighted = problem.with_weights(weights_by_noise(&problem, mismatch, &first.at));
-    let refined = descend(&reweighted, first.at, share);
+    let refined = descend(&reweighted, first.at, &mut slopes, share);
     let undecided = undecided_difference(window, first.cost);
-    let as_good = (second.cost - first.cost < undecided).then_some(second.at);
-    let (magnet, more) = weak_magnet(&reweighted, &refined, share);
+    let (second_spent, second_cut) = second.as_ref().map_or((0, false), |second| (second.spent, second.cut));
+    let as_good = second
+        .filter(|second| second.cost - first.cost < undecided)
+        .map(|second| second.at);
+    let (magnet, more) = weak_magnet(&reweighted, &refined, &mut slopes, share);
     let (at, other_motor) = match &magnet {
         WeakMagnet::Yes(other) => (*other, true),
         WeakMagnet::No | WeakMagnet::Perhaps(_) => (refined.at, false),
@@ -79,28 +122,30 @@ pub(crate) fn conclude_with_tolerances(
         WeakMagnet::Perhaps(other) => Some(other),
         WeakMagnet::No | WeakMagnet::Yes(_) => as_good,
     };
-    let spent = search.evaluations + first.spent + second.spent + refined.spent + more;
+    let spent = search.evaluations + first.spent + second_spent + refined.spent + more;
     let of = |at: &Point, competing: Option<Point>, spent: u64| {
         let cost = problem.mean_cost(at);
         let misfit = (cost / SYSTEMATIC_COST).max(1.0);
-        Estimate {
+        let linearised = reweighted.linearised(at);
+        let estimate = Estimate {
             cost,
-            cut: search.cut || first.cut || second.cut || refined.cut,
+            cut: search.cut || first.cut || second_cut || refined.cut,
             other_motor,
-            ..assess(&reweighted, mismatch, at, competing, misfit, spent)
-        }
+            ..assess(&reweighted, &linearised, mismatch, at, competing, misfit, spent)
+        };
+        (estimate, linearised)
     };
-    let estimate = of(&at, competing, spent);
+    let (estimate, linearised) = of(&at, competing, spent);
     if other_motor || competing.is_some() || !load_may_hide_friction(window, &estimate) {
         return estimate;
     }
     // Along a valley of friction and load that a descent ends in early, the curvature where it ends says little.
-    let other = descend(&reweighted, with_other_friction(&at), share);
+    let other = descend(&reweighted, with_other_friction(&at, &linearised), &mut slopes, share);
     let spent = estimate.evaluations + other.spent;
     let apart = (other.at[FRICTION] - at[FRICTION]).abs();
     let rise = (other.cost - refined.cost).abs();
     let better = if other.cost < refined.cost {
-        of(&other.at, None, spent)
+        of(&other.at, None, spent).0
     } else {
         Estimate {
             evaluations: spent,
@@ -112,6 +157,13 @@ pub(crate) fn conclude_with_tolerances(
         ..better
     };
     with_friction_sigma_at_least(found, apart / libm::sqrt((2.0 * rise).max(1.0)))
+}
+
+/// Health, with the load, integral and motor of a point.
+fn healthy(window: &Comparison<'_>, at: &Coordinates) -> Coordinates {
+    let mut healthy = Scale::new(window.params).coordinates(&window.unknowns_with_fault(FaultVector::NOMINAL));
+    healthy.0[FAULT_COUNT..].copy_from_slice(&at.0[FAULT_COUNT..]);
+    healthy
 }
 
 /// Whether the window shows friction so badly that another load may explain it as well with another friction.
@@ -133,11 +185,16 @@ const FRICTION: usize = 0;
 /// How far off another friction is looked for.
 const OTHER_FRICTION: f64 = 0.5;
 
-/// The point with a friction well off, towards the middle of its range.
-fn with_other_friction(at: &Point) -> Point {
-    let mut other = *at;
-    other[FRICTION] += OTHER_FRICTION.copysign(OTHER_FRICTION - at[FRICTION]);
-    other
+/// The point with a friction well off, towards the middle of its range, where by the derivatives the rest costs least with it.
+fn with_other_friction(at: &Point, linearised: &Linearised) -> Point {
+    let step = OTHER_FRICTION.copysign(OTHER_FRICTION - at[FRICTION]);
+    let mut along = SVector::<f64, DIMENSION>::zeros();
+    along[FRICTION] = 1.0;
+    if let Some(factor) = regular_information(linearised).cholesky() {
+        let valley = factor.solve(&along);
+        along = valley / valley[FRICTION];
+    }
+    core::array::from_fn(|p| at[p] + step * along[p])
 }
 
 /// Calls `visit` with index and unweighted residuals of each measured sample for an estimate with deviations.
@@ -149,7 +206,7 @@ pub(crate) fn residuals_with_tolerances(
 ) {
     let basis = Basis::new(window, tolerances);
     let buffers = RefCell::default();
-    let problem = Problem::new(*window, &basis, tolerances, STEP, &buffers);
+    let problem = Problem::new(*window, window.params, &basis, tolerances, STEP, &buffers);
     let mut at = point(&Scale::new(window.params).coordinates(&estimate.unknowns));
     for (slot, deviation) in at[UNKNOWN_COUNT..].iter_mut().zip(&estimate.deviations) {
         *slot = *deviation;
@@ -166,7 +223,12 @@ enum WeakMagnet {
 
 /// As without tolerances: where all three phases are shorted, tries whether the motor's back-EMF, left open, takes their place.
 /// Monitor runs spent, too.
-fn weak_magnet(problem: &Problem<'_>, optimum: &Descent, budget: u64) -> (WeakMagnet, u64) {
+fn weak_magnet(
+    problem: &Problem<'_>,
+    optimum: &Descent,
+    nearby: &mut Option<Slopes>,
+    budget: u64,
+) -> (WeakMagnet, u64) {
     let common = optimum.at[2].min(optimum.at[3]).min(optimum.at[4]);
     let known = problem.comparison().prior.motor;
     if common < ALL_SHORTED || known.information().is_none() {
@@ -181,7 +243,7 @@ fn weak_magnet(problem: &Problem<'_>, optimum: &Descent, budget: u64) -> (WeakMa
         *phase -= common;
     }
     start[MOTOR_COORDINATES[1]] -= common;
-    let found = descend(&open, start, budget);
+    let found = descend(&open, start, nearby, budget);
     let before = open.cost(&optimum.at);
     let allowed = undecided_difference(problem.comparison(), found.cost.min(before));
     let spent = found.spent + 1;
@@ -209,8 +271,9 @@ struct Descent {
     cut: bool,
 }
 
-/// A descent of at most `budget` monitor runs; with a budget too small for one step, the start itself.
-fn descend(problem: &Problem<'_>, start: Point, budget: u64) -> Descent {
+/// A descent of at most `budget` monitor runs, with the slow slopes of a point `nearby`, which are set at the start where there are none;
+/// with a budget too small for one step, the start itself.
+fn descend(problem: &Problem<'_>, start: Point, nearby: &mut Option<Slopes>, budget: u64) -> Descent {
     let side = |own: [f64; UNKNOWN_COUNT], nuisance: f64| -> Point {
         core::array::from_fn(|p| own.get(p).copied().unwrap_or(nuisance))
     };
@@ -219,9 +282,14 @@ fn descend(problem: &Problem<'_>, start: Point, budget: u64) -> Descent {
         side(Coordinates::UPPER, NUISANCE_MAX),
     );
     let trials = u64::from(TRIALS_PER_STEP);
+    let (first, most) = if nearby.is_some() {
+        (RUNS_PER_FURTHER, MAX_ITERATIONS_NEARBY)
+    } else {
+        (RUNS_PER_LINEARISATION, MAX_ITERATIONS)
+    };
     let further = |left: u64| 1 + left / (RUNS_PER_FURTHER + trials);
-    let affordable = budget.checked_sub(RUNS_PER_LINEARISATION + trials).map_or(0, further);
-    let iterations = affordable.min(u64::from(MAX_ITERATIONS)) as u32;
+    let affordable = budget.checked_sub(first + trials).map_or(0, further);
+    let iterations = affordable.min(u64::from(most)) as u32;
     if iterations == 0 {
         return Descent {
             at: start,
@@ -233,17 +301,19 @@ fn descend(problem: &Problem<'_>, start: Point, budget: u64) -> Descent {
     let config = LmConfig {
         max_iterations: iterations,
         max_evaluations: (1 + TRIALS_PER_STEP) * iterations,
+        initial_damping: DAMPING,
         step_tolerance: 1e-6,
-        cost_tolerance: 1e-4,
+        cost_tolerance: COST_TOLERANCE,
+        expected_tolerance: EXPECTED_TOLERANCE,
         ..LmConfig::default()
     };
-    let found = levenberg_marquardt(&OnDescent::new(problem), &bounds, start, &config);
-    let linearisations = RUNS_PER_LINEARISATION + u64::from(found.iterations.saturating_sub(1)) * RUNS_PER_FURTHER;
+    let on_descent = OnDescent::new(problem, nearby);
+    let found = levenberg_marquardt(&on_descent, &bounds, start, &config);
     Descent {
         at: found.genes,
         cost: found.cost,
-        spent: linearisations + u64::from(found.evaluations - found.iterations),
-        cut: iterations < MAX_ITERATIONS && matches!(found.stop, LmStop::MaxIterations | LmStop::MaxEvaluations),
+        spent: on_descent.runs(),
+        cut: iterations < most && matches!(found.stop, LmStop::MaxIterations | LmStop::MaxEvaluations),
     }
 }
 
@@ -262,6 +332,7 @@ fn weights_by_noise(problem: &Problem<'_>, mismatch: &Mismatch, at: &Point) -> W
 /// The estimate of a point, and how uncertain it is.
 fn assess(
     problem: &Problem<'_>,
+    linearised: &Linearised,
     mismatch: &Mismatch,
     at: &Point,
     competing: Option<Point>,
@@ -269,13 +340,12 @@ fn assess(
     evaluations: u64,
 ) -> Estimate {
     let window = problem.comparison();
-    let linearised = problem.linearised(at);
     let unknowns = problem.unknowns(at);
     let fault = unknowns.fault;
     let (squares, count) = problem.squared_residuals(at);
     let n = (count as f64).max(1.0);
     let excess = (2.0 * linearised.cost() / (n * window.weighted_signals())).max(1.0);
-    let [by_data, with_nuisances] = sigmas(&linearised, excess).map(|sigma| sigma.map(|sigma| misfit * sigma));
+    let [by_data, with_nuisances] = sigmas(linearised, excess).map(|sigma| sigma.map(|sigma| misfit * sigma));
     let with_model = |sigma: [f64; FAULT_COUNT]| -> [f64; FAULT_COUNT] {
         core::array::from_fn(|p| sigma[p].hypot(mismatch.model_sigma[p]))
     };
@@ -300,7 +370,7 @@ fn assess(
         other_motor: false,
         locked: is_locked(window),
         deviations: at[UNKNOWN_COUNT..].to_vec(),
-        inferred: inferred(problem, &linearised, at, libm::sqrt(excess) * misfit),
+        inferred: inferred(problem, linearised, at, libm::sqrt(excess) * misfit),
     }
 }
 
@@ -309,10 +379,7 @@ fn assess(
 /// The latter is the larger of two: that of the curvature, and that of how differently blocks of samples contribute to the
 /// estimate, which also shows what no nuisance explains.
 fn sigmas(linearised: &Linearised, excess: f64) -> [[f64; FAULT_COUNT]; 2] {
-    let mut information = linearised.information();
-    for p in 0..DIMENSION {
-        information[(p, p)] += 1e-9;
-    }
+    let information = regular_information(linearised);
     let own = information
         .fixed_view::<UNKNOWN_COUNT, UNKNOWN_COUNT>(0, 0)
         .into_owned();
@@ -327,6 +394,15 @@ fn sigmas(linearised: &Linearised, excess: f64) -> [[f64; FAULT_COUNT]; 2] {
         libm::sqrt(curvature.max(blocks[p]))
     });
     [by_data, with_nuisances]
+}
+
+/// `JᵀJ` with the prior; a coordinate without influence gets a vanishing information, so that the others can be inverted.
+fn regular_information(linearised: &Linearised) -> SMatrix<f64, DIMENSION, DIMENSION> {
+    let mut information = linearised.information();
+    for p in 0..DIMENSION {
+        information[(p, p)] += 1e-9;
+    }
+    information
 }
 
 /// Sum over the blocks of their squared contributions to each fault coordinate.

@@ -1,13 +1,14 @@
 //! The least-squares problem of a window's unknowns together with the nuisances.
 
-use core::cell::RefCell;
+use core::cell::{Cell, RefCell};
 use std::vec;
 use std::vec::Vec;
 
 use ema_ga::Residuals;
 use ema_models::{
-    COST_LANES, Comparison, Coordinates, GRAM_COLUMNS, GramRow, LaneResiduals, MonitorVariant, MotorKnowledge,
-    NormalEquations, SIGNAL_COUNT, Scale, ShaftSizes, Tolerances, UNKNOWN_COUNT, Unknowns, Weights, add_gram,
+    ActuatorParams, COST_LANES, Comparison, Coordinates, GRAM_COLUMNS, GramRow, LaneResiduals, MonitorVariant,
+    MotorKnowledge, NormalEquations, SIGNAL_COUNT, Scale, ShaftSizes, Tolerances, UNKNOWN_COUNT, Unknowns, Weights,
+    add_gram,
 };
 use nalgebra::{SMatrix, SVector};
 
@@ -40,6 +41,8 @@ const _: () = assert!(RESIDUAL < GRAM_COLUMNS);
 #[derive(Clone, Debug)]
 pub(super) struct Problem<'a> {
     comparison: Comparison<'a>,
+    /// The actuator whose derivatives count, in fine or in coarse time; the residuals are those of fine time.
+    differentiated: &'a ActuatorParams,
     basis: &'a Basis,
     scale: Scale,
     sigma: [f64; NUISANCE_COUNT],
@@ -55,13 +58,30 @@ pub(super) struct Problem<'a> {
 pub(super) struct Buffers {
     passes: Vec<Vec<LaneResiduals>>,
     rows: Vec<GramRow>,
+    residuals: ResidualsAt,
 }
 
-/// Derivatives and residuals at a point, weighted, one row per sample and signal.
+/// Unweighted residuals of each sample at a point, zero where it was not measured.
+#[derive(Debug, Default)]
+struct ResidualsAt {
+    at: Option<Point>,
+    rows: Vec<[f64; SIGNAL_COUNT]>,
+}
+
+/// Weighted derivatives at a point, one row per sample and signal; those along slow coordinates hold near it.
+#[derive(Debug)]
+pub(super) struct Slopes {
+    rows: Vec<GramRow>,
+    weights: Weights,
+}
+
+/// Derivatives and residuals, weighted, one row per sample and signal.
 pub(super) struct Linearised {
     pub(super) rows: Vec<GramRow>,
-    /// `Σ row rowᵀ`, lower triangle, the prior included.
-    pub(super) sums: [GramRow; GRAM_COLUMNS],
+    /// `Σ row rowᵀ`, lower triangle, without the prior.
+    sums_of_rows: [GramRow; GRAM_COLUMNS],
+    /// The same with the prior.
+    sums: [GramRow; GRAM_COLUMNS],
     /// Number of rows of each sample.
     pub(super) rows_per_sample: usize,
 }
@@ -76,6 +96,7 @@ struct SameDirection {
 impl<'a> Problem<'a> {
     pub(super) fn new(
         comparison: Comparison<'a>,
+        differentiated: &'a ActuatorParams,
         basis: &'a Basis,
         tolerances: &Tolerances,
         step: f64,
@@ -93,6 +114,7 @@ impl<'a> Problem<'a> {
             scale: Scale::new(comparison.params),
             sigma: sigmas(tolerances, comparison.params, &comparison.conditions),
             comparison,
+            differentiated,
             basis,
             step,
         }
@@ -127,10 +149,15 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// The monitor at a point.
-    fn variant(&self, at: &Point) -> MonitorVariant {
+    /// The monitor at a point whose residuals count.
+    fn compared(&self, at: &Point) -> MonitorVariant {
+        self.variant(self.comparison.params, at)
+    }
+
+    /// The monitor of an actuator at a point.
+    fn variant(&self, params: &ActuatorParams, at: &Point) -> MonitorVariant {
         let mut hardware = Hardware {
-            params: *self.comparison.params,
+            params: *params,
             v_dc: self.comparison.conditions.v_dc,
         };
         let mut sizes = ShaftSizes::default();
@@ -189,13 +216,30 @@ impl<'a> Problem<'a> {
 
     /// Calls `visit` with index and unweighted residuals of each measured sample.
     pub(super) fn residuals(&self, at: &Point, mut visit: impl FnMut(usize, [f64; SIGNAL_COUNT])) {
-        let variant = self.variant(at);
-        self.comparison
-            .residuals_of_variant(&variant, &self.basis.torques, |n, residuals| {
-                let change = self.change(at, n);
-                let residuals = residuals.to_array();
-                visit(n, core::array::from_fn(|s| residuals[s] - change[s]));
-            });
+        let mut buffers = self.buffers.borrow_mut();
+        let found = self.residuals_at(&mut buffers.residuals, at);
+        for (n, sample) in self.comparison.recording.samples.iter().enumerate() {
+            if sample.measured {
+                visit(n, found[n]);
+            }
+        }
+    }
+
+    /// The residuals at a point, kept from the last time if that was the same one.
+    fn residuals_at<'r>(&self, kept: &'r mut ResidualsAt, at: &Point) -> &'r [[f64; SIGNAL_COUNT]] {
+        if kept.at != Some(*at) {
+            kept.at = Some(*at);
+            kept.rows.clear();
+            kept.rows
+                .resize(self.comparison.recording.samples.len(), [0.0; SIGNAL_COUNT]);
+            self.comparison
+                .residuals_of_variant(&self.compared(at), &self.basis.torques, |n, residuals| {
+                    let change = self.change(at, n);
+                    let residuals = residuals.to_array();
+                    kept.rows[n] = core::array::from_fn(|s| residuals[s] - change[s]);
+                });
+        }
+        &kept.rows
     }
 
     /// Mean over the samples of half the squared weighted residuals, without the prior.
@@ -216,8 +260,8 @@ impl<'a> Problem<'a> {
         self.linearised_near(at, None)
     }
 
-    /// Derivatives and residuals at a point. Those along the slow coordinates are taken from the rows `nearby`, if there are any.
-    fn linearised_near(&self, at: &Point, nearby: Option<&[GramRow]>) -> Linearised {
+    /// Derivatives and residuals at a point. Those along the slow coordinates are taken from `nearby`, if there are any.
+    fn linearised_near(&self, at: &Point, nearby: Option<&Slopes>) -> Linearised {
         let own = coordinates(at).inward_steps(self.step);
         let step = |p: usize| match p.checked_sub(UNKNOWN_COUNT) {
             None => own[p],
@@ -235,16 +279,21 @@ impl<'a> Problem<'a> {
             })
             .collect();
         let slow: Vec<usize> = (0..DIMENSION).filter(|&p| nearby.is_some() && is_slow(p)).collect();
-        let at_point = self.variant(at);
+        let at_point = self.variant(self.differentiated, at);
         let variants: Vec<MonitorVariant> = core::iter::once(at_point)
             .chain(in_lanes.iter().map(|&p| {
                 let mut stepped = *at;
                 stepped[p] += step(p);
-                self.variant(&stepped)
+                self.variant(self.differentiated, &stepped)
             }))
             .collect();
         let samples = self.comparison.recording.samples;
-        let Buffers { passes, rows } = &mut *self.buffers.borrow_mut();
+        let Buffers {
+            passes,
+            rows,
+            residuals,
+        } = &mut *self.buffers.borrow_mut();
+        let found = self.residuals_at(residuals, at);
         passes.resize(variants.len().div_ceil(COST_LANES).max(passes.len()), Vec::new());
         for (chunk, residuals) in variants.chunks(COST_LANES).zip(passes.iter_mut()) {
             let lanes = core::array::from_fn(|lane| *chunk.get(lane).unwrap_or(&at_point));
@@ -255,13 +304,16 @@ impl<'a> Problem<'a> {
 
         let weights = self.comparison.weights.to_array();
         let weighted: Vec<usize> = (0..SIGNAL_COUNT).filter(|&s| weights[s] > 0.0).collect();
+        let reweighted = nearby.map_or([1.0; SIGNAL_COUNT], |nearby| {
+            let earlier = nearby.weights.to_array();
+            core::array::from_fn(|s| if earlier[s] > 0.0 { weights[s] / earlier[s] } else { 0.0 })
+        });
         let per_step: Vec<f64> = in_lanes.iter().map(|&p| 1.0 / step(p)).collect();
         let mut rows = core::mem::take(rows);
         rows.clear();
         rows.resize(samples.len() * weighted.len(), [0.0; GRAM_COLUMNS]);
         let mut row = rows.iter_mut().enumerate();
         for (n, sample) in samples.iter().enumerate() {
-            let change = self.change(at, n);
             for &signal in &weighted {
                 let Some((place, row)) = row.next() else { break };
                 if !sample.measured {
@@ -277,25 +329,51 @@ impl<'a> Problem<'a> {
                     row[UNKNOWN_COUNT + number] -= self.sigma[number] * self.basis.changes[n][place][signal] * weight;
                 }
                 // The rows nearby are whole: the part that acts on the signals is in them already.
-                if let Some(nearby) = nearby.and_then(|rows| rows.get(place)) {
+                if let Some(nearby) = nearby.and_then(|slopes| slopes.rows.get(place)) {
                     for &p in &slow {
-                        row[p] = nearby[p];
+                        row[p] = nearby[p] * reweighted[signal];
                     }
                 }
                 for direction in &same {
                     row[direction.of] = direction.as_much_as.iter().map(|&(p, factor)| factor * row[p]).sum();
                 }
-                row[RESIDUAL] = (point - change[signal]) * weight;
+                row[RESIDUAL] = found[n][signal] * weight;
             }
         }
-        let mut sums = [[0.0; GRAM_COLUMNS]; GRAM_COLUMNS];
-        add_gram(&rows, &mut sums);
+        let mut sums_of_rows = [[0.0; GRAM_COLUMNS]; GRAM_COLUMNS];
+        add_gram(&rows, &mut sums_of_rows);
+        let mut sums = sums_of_rows;
         self.add_prior(at, &mut sums);
         Linearised {
             rows,
+            sums_of_rows,
             sums,
             rows_per_sample: weighted.len(),
         }
+    }
+
+    /// Puts the residuals of another point beside the derivatives.
+    fn set_residuals(&self, linearised: &mut Linearised, at: &Point) {
+        let Buffers { residuals, .. } = &mut *self.buffers.borrow_mut();
+        let found = self.residuals_at(residuals, at);
+        let weights = self.comparison.weights.to_array();
+        let mut rows = linearised.rows.iter_mut();
+        let mut line = [0.0; GRAM_COLUMNS];
+        for (n, sample) in self.comparison.recording.samples.iter().enumerate() {
+            for signal in (0..SIGNAL_COUNT).filter(|&s| weights[s] > 0.0) {
+                let Some(row) = rows.next() else { break };
+                if sample.measured {
+                    row[RESIDUAL] = found[n][signal] * weights[signal] * self.basis.confidence[n][signal];
+                    let residual = row[RESIDUAL];
+                    for (sum, along) in line.iter_mut().zip(row) {
+                        *sum += residual * *along;
+                    }
+                }
+            }
+        }
+        linearised.sums_of_rows[RESIDUAL] = line;
+        linearised.sums = linearised.sums_of_rows;
+        self.add_prior(at, &mut linearised.sums);
     }
 
     /// Coordinates that change the monitor as others do, so that no roughness of the cost tells them apart.
@@ -398,18 +476,79 @@ fn is_slow(p: usize) -> bool {
     p.checked_sub(UNKNOWN_COUNT).is_some_and(|n| !QUICK.contains(&n))
 }
 
-/// A problem during one descent: derivatives along slow coordinates are those of the first point.
+/// A problem during one descent: derivatives along slow coordinates are those of a point nearby, or of the first one, and all derivatives
+/// stay as they are after a step that gained what they had promised.
 pub(super) struct OnDescent<'p, 'a> {
     problem: &'p Problem<'a>,
-    first: RefCell<Vec<GramRow>>,
+    nearby: RefCell<&'p mut Option<Slopes>>,
+    last: RefCell<Option<Last>>,
+    runs: Cell<u64>,
+}
+
+/// The last point of a descent, with derivatives of it or of an earlier one.
+struct Last {
+    at: Point,
+    linearised: Linearised,
+}
+
+/// Share of the promised decrease of the cost, and its inverse, by which a step may miss it for the derivatives to stay.
+const AS_PROMISED: f64 = 0.8;
+
+impl Last {
+    /// Whether the cost at another point is as the derivatives promised.
+    fn foretold(&self, at: &Point, cost: f64) -> bool {
+        let step = SVector::<f64, DIMENSION>::from_fn(|p, _| at[p] - self.at[p]);
+        let promised =
+            -(self.linearised.gradient().dot(&step) + 0.5 * step.dot(&(self.linearised.information() * step)));
+        let gained = self.linearised.cost() - cost;
+        promised > 0.0 && gained > AS_PROMISED * promised && gained * AS_PROMISED < promised
+    }
 }
 
 impl<'p, 'a> OnDescent<'p, 'a> {
-    pub(super) fn new(problem: &'p Problem<'a>) -> Self {
+    /// `nearby` are set at the first point where there are none.
+    pub(super) fn new(problem: &'p Problem<'a>, nearby: &'p mut Option<Slopes>) -> Self {
         Self {
             problem,
-            first: RefCell::new(Vec::new()),
+            nearby: RefCell::new(nearby),
+            last: RefCell::new(None),
+            runs: Cell::new(0),
         }
+    }
+
+    /// Monitor runs so far, but those of rejected steps that were computed ahead.
+    pub(super) fn runs(&self) -> u64 {
+        self.runs.get()
+    }
+
+    fn ran(&self, runs: u64) {
+        self.runs.set(self.runs.get() + runs);
+    }
+
+    /// The linearised problem at a point, by the derivatives that it had where they still foretell its costs.
+    fn linearised(&self, at: &Point) -> Linearised {
+        let mut last = self.last.borrow_mut();
+        if let Some(mut before) = last.take() {
+            if before.foretold(at, self.problem.cost(at)) {
+                self.problem.set_residuals(&mut before.linearised, at);
+                return before.linearised;
+            }
+            self.problem.buffers.borrow_mut().rows = before.linearised.rows;
+        }
+        let mut nearby = self.nearby.borrow_mut();
+        let linearised = self.problem.linearised_near(at, nearby.as_ref());
+        self.ran(if nearby.is_some() {
+            COST_LANES as u64
+        } else {
+            DIMENSION as u64 + 1
+        });
+        if nearby.is_none() {
+            **nearby = Some(Slopes {
+                rows: linearised.rows.clone(),
+                weights: self.problem.comparison.weights,
+            });
+        }
+        linearised
     }
 }
 
@@ -420,22 +559,16 @@ impl Residuals<DIMENSION> for OnDescent<'_, '_> {
         jtj: &mut SMatrix<f64, DIMENSION, DIMENSION>,
         jtr: &mut SVector<f64, DIMENSION>,
     ) -> f64 {
-        let mut first = self.first.borrow_mut();
-        let nearby = (!first.is_empty()).then_some(first.as_slice());
-        let linearised = self.problem.linearised_near(genes, nearby);
+        let linearised = self.linearised(genes);
         jtj.copy_from(&linearised.information());
         jtr.copy_from(&linearised.gradient());
         let cost = linearised.cost();
-        let rows = linearised.rows;
-        if first.is_empty() {
-            *first = rows;
-        } else {
-            self.problem.buffers.borrow_mut().rows = rows;
-        }
+        *self.last.borrow_mut() = Some(Last { at: *genes, linearised });
         cost
     }
 
     fn cost(&self, genes: &Point) -> f64 {
+        self.ran(1);
         self.problem.cost(genes)
     }
 
@@ -443,46 +576,12 @@ impl Residuals<DIMENSION> for OnDescent<'_, '_> {
         let projected = coordinates(genes).projected_to_unit_disc().0;
         genes[..UNKNOWN_COUNT].copy_from_slice(&projected);
     }
-
-    const SIDE_BY_SIDE: usize = COST_LANES;
-
-    fn costs(&self, points: &[Point], costs: &mut [f64]) {
-        self.problem.costs(points, costs);
-    }
 }
 
 impl Problem<'_> {
     /// Half the sum of the squares at a point, the prior included.
     pub(super) fn cost(&self, at: &Point) -> f64 {
         self.sum_with_prior(at, self.mean_cost(at))
-    }
-
-    /// [`Problem::cost`] of at most [`COST_LANES`] points.
-    fn costs(&self, points: &[Point], costs: &mut [f64]) {
-        let Some(first) = points.first() else { return };
-        let variants = core::array::from_fn(|lane| self.variant(points.get(lane).unwrap_or(first)));
-        let samples = self.comparison.recording.samples;
-        let mut buffers = self.buffers.borrow_mut();
-        if buffers.passes.is_empty() {
-            buffers.passes.push(Vec::new());
-        }
-        let residuals = &mut buffers.passes[0];
-        residuals.resize(samples.len(), [[0.0; COST_LANES]; SIGNAL_COUNT]);
-        self.comparison
-            .residuals_of_variants(&variants, &self.basis.torques, residuals);
-        let weights = self.comparison.weights.to_array();
-        for (lane, (point, cost)) in points.iter().zip(costs).enumerate() {
-            let mut sum = 0.0;
-            for (n, row) in residuals.iter().enumerate().filter(|(n, _)| samples[*n].measured) {
-                let change = self.change(point, n);
-                for signal in 0..SIGNAL_COUNT {
-                    let residual = row[signal][lane] - change[signal];
-                    let weighted = weights[signal] * self.basis.confidence[n][signal] * residual;
-                    sum += 0.5 * weighted * weighted;
-                }
-            }
-            *cost = self.sum_with_prior(point, sum / samples.len().max(1) as f64);
-        }
     }
 }
 
@@ -543,14 +642,18 @@ mod tests {
         let tolerances = Tolerances::USUAL;
         let basis = Basis::new(&comparison, &tolerances);
         let buffers = RefCell::default();
-        let problem = Problem::new(comparison, &basis, &tolerances, 1e-3, &buffers);
+        let problem = Problem::new(comparison, &params, &basis, &tolerances, 1e-3, &buffers);
         let start = problem
             .scale
             .coordinates(&comparison.unknowns_with_fault(FaultVector::NOMINAL));
         let mut at: Point = core::array::from_fn(|p| start.0.get(p).copied().unwrap_or(0.3));
         at[0] = 0.2;
         let whole = problem.linearised(&at);
-        let near = problem.linearised_near(&at, Some(&whole.rows));
+        let slopes = Slopes {
+            rows: whole.rows.clone(),
+            weights: comparison.weights,
+        };
+        let near = problem.linearised_near(&at, Some(&slopes));
         let shown = |p: usize| whole.rows.iter().any(|row| row[p].abs() > 0.0);
         assert!((UNKNOWN_COUNT..DIMENSION).filter(|&p| is_slow(p) && shown(p)).count() > 20);
         for (n, (whole, near)) in whole.rows.iter().zip(&near.rows).enumerate() {

@@ -136,9 +136,10 @@ fn without_an_encoder_at_the_output_play_is_not_observable() {
         assert_eq!(count(&play, "\"faults\":[]"), 2, "{preset}: {play}");
         let hidden = "no position.output: the gear is taken as rigid, and backlash is not observable";
         assert_eq!(count(&play, hidden), 2, "{preset}: {play}");
-        // Friction, then backlash.
-        let observable = format!("\"observable\":[{is_commissioned},false,");
-        assert_eq!(count(&play, &observable), 2, "{preset}: {play}");
+        // Friction, then backlash; a commissioned unit shows its friction.
+        let [shown, hidden] = [true, false].map(|friction| count(&play, &format!("\"observable\":[{friction},false,")));
+        assert_eq!(shown + hidden, 2, "{preset}: {play}");
+        assert!(!is_commissioned || hidden == 0, "{preset}: {play}");
     }
 }
 

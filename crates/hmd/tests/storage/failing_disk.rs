@@ -15,8 +15,8 @@ use crate::survive_rig::{FAILING, LOAD, compare, stored, write_load, writer_of};
 use hmd_core::config::Limits;
 use hmd_storage::recorder::Recorder;
 
-/// Actuations of a run.
-const ACTUATIONS: u32 = 14;
+/// Actuations of a run: it takes longer than the second after which a failed disk is tried again.
+const ACTUATIONS: u32 = 60;
 /// Records stored before the disk fails, and lost before it works again.
 const BEFORE: usize = 4;
 const LOST: usize = 3;

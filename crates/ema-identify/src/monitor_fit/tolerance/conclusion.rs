@@ -27,15 +27,48 @@ use crate::monitor_fit::window::MonitoredWindow;
 /// Step of the finite differences along the unknowns.
 const STEP: f64 = 1e-3;
 
-/// Linearisations at most of one descent.
-const MAX_ITERATIONS: u32 = 8;
+/// How a descent goes.
+#[derive(Clone, Copy)]
+struct How {
+    /// Damping of the first step.
+    damping: f64,
+    /// Linearisations at most.
+    iterations: u32,
+}
 
-/// The same of one that starts nearby.
-const MAX_ITERATIONS_NEARBY: u32 = 4;
+impl How {
+    /// From where a window without nuisances led, if it fits there. Nuisances and faults explain much of a window alike: with less damping
+    /// a descent follows the valleys between them further than the monitor's own mismatch allows, away from a good start.
+    const FROM_A_FIT: Self = Self {
+        damping: 1e-3,
+        iterations: 8,
+    };
 
-/// Damping of the first step. Nuisances and faults explain much of a window alike: with less, a descent follows the valleys between them
-/// further than the monitor's own mismatch allows, away from where the window without nuisances led.
-const DAMPING: f64 = 1e-3;
+    /// From where it did not fit: the faults there stand for what nuisances explain.
+    const FROM_A_MISFIT: Self = Self {
+        damping: 1e-6,
+        iterations: 16,
+    };
+
+    /// From a point with the slopes of another one.
+    const NEARBY: Self = Self {
+        damping: 1e-3,
+        iterations: 4,
+    };
+
+    /// From an optimum without nuisances of this cost.
+    fn from(window: &Comparison<'_>, cost: f64) -> Self {
+        let expected = 0.5 * window.weighted_signals() * window.sample_count() as f64;
+        if cost <= FITS * expected {
+            Self::FROM_A_FIT
+        } else {
+            Self::FROM_A_MISFIT
+        }
+    }
+}
+
+/// Cost, relative to what noise makes of it, up to which a window without nuisances fits.
+const FITS: f64 = 3.0;
 
 /// Decrease of the cost, as a share of it, by which no further step follows: the cost is some 1500, one standard deviation half a unit.
 const COST_TOLERANCE: f64 = 1e-3;
@@ -64,11 +97,10 @@ const BLOCKS: usize = 16;
 /// does; sigmas grow with the cost. Units with any imperfection that a nuisance describes cost 0.9 to 1.9.
 const SYSTEMATIC_COST: f64 = 2.0;
 
-/// Fits unknowns and nuisances of a window, from the best optimum of the search and from its next one that differs. `budget` are the
-/// monitor runs that the whole identification may take.
+/// Fits unknowns and nuisances of a window. `budget` are the monitor runs that the whole identification may take.
 ///
-/// After a search with the derivatives of coarse time this has them, too; after one in fine time without another optimum it also starts
-/// from health.
+/// After a search with the derivatives of coarse time this has them, too, and begins at its best optimum; where that leaves a short in all
+/// three phases, also without it. After a search in fine time it begins at the best optimum and at another one, or at health.
 pub(crate) fn conclude_with_tolerances(
     window: &Comparison<'_>,
     coarse: &ActuatorParams,
@@ -86,17 +118,20 @@ pub(crate) fn conclude_with_tolerances(
     };
     let problem = Problem::new(*window, differentiated, &basis, tolerances, STEP, &buffers);
     let best = search.best().at;
-    let others = search.optima.iter().map(|optimum| optimum.at);
-    let other = others.skip(1).find(|other| differ(other, &best, |_| true));
-    let other = other.or_else(|| (!search.is_in_coarse_time).then(|| healthy(window, &best)));
     let left = budget.saturating_sub(search.evaluations + RUNS_PER_LINEARISATION);
     let share = left / LATER_SHARE;
-    let from = |start: Coordinates, budget: u64| {
+    let how = How::from(window, search.best().cost);
+    let from = |start: Point, budget: u64| {
         let mut slopes = None;
-        let end = descend(&problem, point(&start), &mut slopes, budget);
+        let end = descend(&problem, start, &mut slopes, how, budget);
         (end, slopes)
     };
-    let (mut first, mut slopes) = from(best, left / FIRST_SHARE);
+    let (mut first, mut slopes) = from(point(&best), left / FIRST_SHARE);
+    let other = if search.is_in_coarse_time {
+        without_common_short(&first.at)
+    } else {
+        Some(point(&other_start(window, search)))
+    };
     let mut second = None;
     if let Some((other, nearby)) = other.map(|other| from(other, share)) {
         if other.cost < first.cost {
@@ -107,7 +142,7 @@ pub(crate) fn conclude_with_tolerances(
         }
     }
     let reweighted = problem.with_weights(weights_by_noise(&problem, mismatch, &first.at));
-    let refined = descend(&reweighted, first.at, &mut slopes, share);
+    let refined = descend(&reweighted, first.at, &mut slopes, How::NEARBY, share);
     let undecided = undecided_difference(window, first.cost);
     let (second_spent, second_cut) = second.as_ref().map_or((0, false), |second| (second.spent, second.cut));
     let as_good = second
@@ -140,7 +175,8 @@ pub(crate) fn conclude_with_tolerances(
         return estimate;
     }
     // Along a valley of friction and load that a descent ends in early, the curvature where it ends says little.
-    let other = descend(&reweighted, with_other_friction(&at, &linearised), &mut slopes, share);
+    let start = with_other_friction(&at, &linearised);
+    let other = descend(&reweighted, start, &mut slopes, How::NEARBY, share);
     let spent = estimate.evaluations + other.spent;
     let apart = (other.at[FRICTION] - at[FRICTION]).abs();
     let rise = (other.cost - refined.cost).abs();
@@ -159,11 +195,31 @@ pub(crate) fn conclude_with_tolerances(
     with_friction_sigma_at_least(found, apart / libm::sqrt((2.0 * rise).max(1.0)))
 }
 
-/// Health, with the load, integral and motor of a point.
-fn healthy(window: &Comparison<'_>, at: &Coordinates) -> Coordinates {
-    let mut healthy = Scale::new(window.params).coordinates(&window.unknowns_with_fault(FaultVector::NOMINAL));
-    healthy.0[FAULT_COUNT..].copy_from_slice(&at.0[FAULT_COUNT..]);
-    healthy
+/// The best optimum that differs from the very best one; without one health, with the load, integral and motor of that.
+fn other_start(window: &Comparison<'_>, search: &Search) -> Coordinates {
+    let best = search.best().at;
+    let others = search.optima.iter().map(|optimum| optimum.at);
+    let differs = |other: &Coordinates| differ(other, &best, |_| true);
+    others.skip(1).find(differs).unwrap_or_else(|| {
+        let mut healthy = Scale::new(window.params).coordinates(&window.unknowns_with_fault(FaultVector::NOMINAL));
+        healthy.0[FAULT_COUNT..].copy_from_slice(&best.0[FAULT_COUNT..]);
+        healthy
+    })
+}
+
+/// Least short that is one.
+const ANY_SHORT: f64 = 0.02;
+
+/// A point without the short that all three phases share, where there is one: other friction, inertia and magnets look much the same.
+fn without_common_short(at: &Point) -> Option<Point> {
+    let common = at[2].min(at[3]).min(at[4]);
+    (common > ANY_SHORT).then(|| {
+        let mut other = *at;
+        for phase in &mut other[2..=4] {
+            *phase -= common;
+        }
+        other
+    })
 }
 
 /// Whether the window shows friction so badly that another load may explain it as well with another friction.
@@ -243,7 +299,7 @@ fn weak_magnet(
         *phase -= common;
     }
     start[MOTOR_COORDINATES[1]] -= common;
-    let found = descend(&open, start, nearby, budget);
+    let found = descend(&open, start, nearby, How::NEARBY, budget);
     let before = open.cost(&optimum.at);
     let allowed = undecided_difference(problem.comparison(), found.cost.min(before));
     let spent = found.spent + 1;
@@ -273,7 +329,7 @@ struct Descent {
 
 /// A descent of at most `budget` monitor runs, with the slow slopes of a point `nearby`, which are set at the start where there are none;
 /// with a budget too small for one step, the start itself.
-fn descend(problem: &Problem<'_>, start: Point, nearby: &mut Option<Slopes>, budget: u64) -> Descent {
+fn descend(problem: &Problem<'_>, start: Point, nearby: &mut Option<Slopes>, how: How, budget: u64) -> Descent {
     let side = |own: [f64; UNKNOWN_COUNT], nuisance: f64| -> Point {
         core::array::from_fn(|p| own.get(p).copied().unwrap_or(nuisance))
     };
@@ -282,14 +338,14 @@ fn descend(problem: &Problem<'_>, start: Point, nearby: &mut Option<Slopes>, bud
         side(Coordinates::UPPER, NUISANCE_MAX),
     );
     let trials = u64::from(TRIALS_PER_STEP);
-    let (first, most) = if nearby.is_some() {
-        (RUNS_PER_FURTHER, MAX_ITERATIONS_NEARBY)
+    let first = if nearby.is_some() {
+        RUNS_PER_FURTHER
     } else {
-        (RUNS_PER_LINEARISATION, MAX_ITERATIONS)
+        RUNS_PER_LINEARISATION
     };
     let further = |left: u64| 1 + left / (RUNS_PER_FURTHER + trials);
     let affordable = budget.checked_sub(first + trials).map_or(0, further);
-    let iterations = affordable.min(u64::from(most)) as u32;
+    let iterations = affordable.min(u64::from(how.iterations)) as u32;
     if iterations == 0 {
         return Descent {
             at: start,
@@ -301,7 +357,7 @@ fn descend(problem: &Problem<'_>, start: Point, nearby: &mut Option<Slopes>, bud
     let config = LmConfig {
         max_iterations: iterations,
         max_evaluations: (1 + TRIALS_PER_STEP) * iterations,
-        initial_damping: DAMPING,
+        initial_damping: how.damping,
         step_tolerance: 1e-6,
         cost_tolerance: COST_TOLERANCE,
         expected_tolerance: EXPECTED_TOLERANCE,
@@ -313,7 +369,7 @@ fn descend(problem: &Problem<'_>, start: Point, nearby: &mut Option<Slopes>, bud
         at: found.genes,
         cost: found.cost,
         spent: on_descent.runs(),
-        cut: iterations < most && matches!(found.stop, LmStop::MaxIterations | LmStop::MaxEvaluations),
+        cut: iterations < how.iterations && matches!(found.stop, LmStop::MaxIterations | LmStop::MaxEvaluations),
     }
 }
 

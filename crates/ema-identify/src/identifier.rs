@@ -329,7 +329,7 @@ impl Identifier {
     fn runs_of_conclusion(&self) -> [u64; 3] {
         match self.method {
             Method::Eq14(_) | Method::Population(_) => [RUNS_OF_ASSESSMENT; 3],
-            Method::LeastSquares | Method::Hybrid(_) if self.has_tolerances() => [180, 250, 740],
+            Method::LeastSquares | Method::Hybrid(_) if self.has_tolerances() => [180, 250, 660],
             Method::LeastSquares | Method::Hybrid(_) => [100, 350, 6 * RUNS_OF_DESCENT],
         }
     }

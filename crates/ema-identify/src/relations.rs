@@ -9,7 +9,7 @@
 //! | `controller` | differentiated PI law of the speed loop | controller gain |
 //! | `transmission` | output angle behind a play | backlash |
 //!
-//! `setpoint_delay` is when the set point takes effect. `shorted_loop` is the current of shorted turns. `shared` names what all windows of a unit have in common, `commission` learns it.
+//! `type_balance` is the torque balance with the numbers of the type, with which a search begins. `setpoint_delay` is when the set point takes effect. `shorted_loop` is the current of shorted turns. `shared` names what all windows of a unit have in common, `commission` learns it.
 //!
 //! In goes a window of samples ([`MeasuredWindow`]) of a unit that was commissioned ([`CommissionedRelations`], learnt from
 //! healthy windows); out comes a [`RelationsEstimate`]: each fault parameter as the change since commissioning with its
@@ -55,6 +55,7 @@ mod sliding;
 mod terms;
 mod torque_balance;
 mod transmission;
+#[cfg(feature = "std")]
 mod type_balance;
 
 pub use baseline::Baseline;
@@ -78,4 +79,5 @@ pub use shared::FRICTION_MIN_SHARE;
 pub use shared::SHARED_COUNT;
 pub use terms::{BalanceShape, TERM_COUNT, Term};
 pub use torque_balance::BalanceCoefficients;
+#[cfg(feature = "std")]
 pub(crate) use type_balance::{ByTypeBalance, by_type_balance};

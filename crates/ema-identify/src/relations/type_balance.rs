@@ -79,3 +79,64 @@ fn of_type(params: &ActuatorParams) -> BalanceCoefficients {
         angle_errors: false,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use core::f64::consts::TAU;
+    use std::vec::Vec;
+
+    use super::*;
+    use ema_models::{Real, SensedSample, Setpoint, phase_shapes};
+
+    const SAMPLES: usize = 1000;
+
+    /// A shaft that swings by 30 rad at 4 Hz under the currents that its turns need for that.
+    fn swinging(params: &ActuatorParams, turns: [f64; 3]) -> Vec<SensedSample> {
+        let (motor, sensors) = (&params.motor, &params.sensors);
+        let per_second = TAU * 4.0;
+        let sample = |n: usize| {
+            let t = n as f64 / sensors.sample_rate;
+            let angle = 30.0 * libm::sin(per_second * t);
+            let speed = 30.0 * per_second * libm::cos(per_second * t);
+            let friction = params.transmission.friction_dynamic.copysign(speed);
+            let torque = friction + motor.c * speed - motor.j * per_second * per_second * angle;
+            let shapes = phase_shapes((motor.pole_pairs * angle).sin_cos_poly());
+            let per_amp: f64 = turns.iter().zip(shapes).map(|(turns, s)| motor.k * turns * s * s).sum();
+            SensedSample {
+                seq: n as u64,
+                currents: shapes.map(|s| torque / per_amp * s),
+                motor_counts: libm::round(angle / sensors.motor_lsb()) as i64,
+                output_counts: libm::round(angle / params.transmission.gear_ratio / sensors.output_lsb()) as i64,
+                setpoint: Setpoint::Idle,
+            }
+        };
+        (0..SAMPLES).map(sample).collect()
+    }
+
+    #[test]
+    fn missing_turns_of_a_unit_like_its_type_are_found() {
+        let params = ActuatorParams::bench();
+        for shorts in [[0.0, 0.0, 0.0], [0.4, 0.0, 0.1], [0.2, 0.6, 0.3]] {
+            let samples = swinging(&params, shorts.map(|short| 1.0 - short));
+            let found = by_type_balance(&params, &samples, &[]).unwrap();
+            let read = [found.fault.short_a, found.fault.short_b, found.fault.short_c];
+            for (read, short) in read.into_iter().zip(shorts) {
+                assert!((read - short).abs() < 0.02, "{found:?}");
+            }
+            assert!(
+                found.fault.friction < 0.1 && found.fault.eccentricity < 0.02,
+                "{found:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_motor_at_rest_has_no_balance() {
+        let params = ActuatorParams::bench();
+        let mut samples = swinging(&params, [1.0; 3]);
+        for sample in &mut samples {
+            sample.motor_counts = 0;
+        }
+        assert_eq!(by_type_balance(&params, &samples, &[]), None);
+    }
+}

@@ -12,7 +12,7 @@ use ema_models::{
 use super::basis::Basis;
 use super::inferred::inferred;
 use super::problem::{DIMENSION, Linearised, NUISANCE_MAX, OnDescent, Point, Problem, Slopes, coordinates};
-use nalgebra::{SMatrix, SVector};
+use nalgebra::SMatrix;
 
 use crate::calibration::Mismatch;
 use crate::estimate::{Estimate, OBSERVABLE_SIGMA};
@@ -85,10 +85,10 @@ const RUNS_PER_LINEARISATION: u64 = DIMENSION as u64 + 1;
 /// Monitor runs of the further linearisations of a descent, without the slow coordinates, at most.
 const RUNS_PER_FURTHER: u64 = COST_LANES as u64;
 
-/// The budget's share of the first descent, one in as many; and of each of the later ones: from another start, after the reweighting, with
-/// another magnet, and from another friction.
+/// The budget's share of the first descent, one in as many; and of each of the later ones: from another start, after the reweighting, and
+/// with another magnet.
 const FIRST_SHARE: u64 = 2;
-const LATER_SHARE: u64 = 8;
+const LATER_SHARE: u64 = 6;
 
 /// Blocks of consecutive samples whose contributions to an estimate are compared.
 const BLOCKS: usize = 16;
@@ -157,42 +157,15 @@ pub(crate) fn conclude_with_tolerances(
         WeakMagnet::Perhaps(other) => Some(other),
         WeakMagnet::No | WeakMagnet::Yes(_) => as_good,
     };
+    let cost = problem.mean_cost(&at);
+    let misfit = (cost / SYSTEMATIC_COST).max(1.0);
     let spent = search.evaluations + first.spent + second_spent + refined.spent + more;
-    let of = |at: &Point, competing: Option<Point>, spent: u64| {
-        let cost = problem.mean_cost(at);
-        let misfit = (cost / SYSTEMATIC_COST).max(1.0);
-        let linearised = reweighted.linearised(at);
-        let estimate = Estimate {
-            cost,
-            cut: search.cut || first.cut || second_cut || refined.cut,
-            other_motor,
-            ..assess(&reweighted, &linearised, mismatch, at, competing, misfit, spent)
-        };
-        (estimate, linearised)
-    };
-    let (estimate, linearised) = of(&at, competing, spent);
-    if other_motor || competing.is_some() || !load_may_hide_friction(window, &estimate) {
-        return estimate;
+    Estimate {
+        cost,
+        cut: search.cut || first.cut || second_cut || refined.cut,
+        other_motor,
+        ..assess(&reweighted, mismatch, &at, competing, misfit, spent)
     }
-    // Along a valley of friction and load that a descent ends in early, the curvature where it ends says little.
-    let start = with_other_friction(&at, &linearised);
-    let other = descend(&reweighted, start, &mut slopes, How::NEARBY, share);
-    let spent = estimate.evaluations + other.spent;
-    let apart = (other.at[FRICTION] - at[FRICTION]).abs();
-    let rise = (other.cost - refined.cost).abs();
-    let better = if other.cost < refined.cost {
-        of(&other.at, None, spent).0
-    } else {
-        Estimate {
-            evaluations: spent,
-            ..estimate
-        }
-    };
-    let found = Estimate {
-        cut: better.cut || other.cut,
-        ..better
-    };
-    with_friction_sigma_at_least(found, apart / libm::sqrt((2.0 * rise).max(1.0)))
 }
 
 /// The best optimum that differs from the very best one; without one health, with the load, integral and motor of that.
@@ -220,37 +193,6 @@ fn without_common_short(at: &Point) -> Option<Point> {
         }
         other
     })
-}
-
-/// Whether the window shows friction so badly that another load may explain it as well with another friction.
-fn load_may_hide_friction(window: &Comparison<'_>, estimate: &Estimate) -> bool {
-    window.conditions.load_torque.is_none() && estimate.sigma[FRICTION].is_some_and(|sigma| sigma > OBSERVABLE_SIGMA)
-}
-
-/// The estimate with a standard deviation of the friction of at least `least`.
-fn with_friction_sigma_at_least(mut estimate: Estimate, least: f64) -> Estimate {
-    let sigma = estimate.sigma[FRICTION].map(|sigma| sigma.max(least));
-    estimate.sigma[FRICTION] = sigma;
-    estimate.observable[FRICTION] = sigma.is_some_and(|sigma| sigma <= OBSERVABLE_SIGMA);
-    estimate
-}
-
-/// Place of the friction among the coordinates.
-const FRICTION: usize = 0;
-
-/// How far off another friction is looked for.
-const OTHER_FRICTION: f64 = 0.5;
-
-/// The point with a friction well off, towards the middle of its range, where by the derivatives the rest costs least with it.
-fn with_other_friction(at: &Point, linearised: &Linearised) -> Point {
-    let step = OTHER_FRICTION.copysign(OTHER_FRICTION - at[FRICTION]);
-    let mut along = SVector::<f64, DIMENSION>::zeros();
-    along[FRICTION] = 1.0;
-    if let Some(factor) = regular_information(linearised).cholesky() {
-        let valley = factor.solve(&along);
-        along = valley / valley[FRICTION];
-    }
-    core::array::from_fn(|p| at[p] + step * along[p])
 }
 
 /// Calls `visit` with index and unweighted residuals of each measured sample for an estimate with deviations.
@@ -388,7 +330,6 @@ fn weights_by_noise(problem: &Problem<'_>, mismatch: &Mismatch, at: &Point) -> W
 /// The estimate of a point, and how uncertain it is.
 fn assess(
     problem: &Problem<'_>,
-    linearised: &Linearised,
     mismatch: &Mismatch,
     at: &Point,
     competing: Option<Point>,
@@ -396,12 +337,13 @@ fn assess(
     evaluations: u64,
 ) -> Estimate {
     let window = problem.comparison();
+    let linearised = problem.linearised(at);
     let unknowns = problem.unknowns(at);
     let fault = unknowns.fault;
     let (squares, count) = problem.squared_residuals(at);
     let n = (count as f64).max(1.0);
     let excess = (2.0 * linearised.cost() / (n * window.weighted_signals())).max(1.0);
-    let [by_data, with_nuisances] = sigmas(linearised, excess).map(|sigma| sigma.map(|sigma| misfit * sigma));
+    let [by_data, with_nuisances] = sigmas(&linearised, excess).map(|sigma| sigma.map(|sigma| misfit * sigma));
     let with_model = |sigma: [f64; FAULT_COUNT]| -> [f64; FAULT_COUNT] {
         core::array::from_fn(|p| sigma[p].hypot(mismatch.model_sigma[p]))
     };
@@ -426,7 +368,7 @@ fn assess(
         other_motor: false,
         locked: is_locked(window),
         deviations: at[UNKNOWN_COUNT..].to_vec(),
-        inferred: inferred(problem, linearised, at, libm::sqrt(excess) * misfit),
+        inferred: inferred(problem, &linearised, at, libm::sqrt(excess) * misfit),
     }
 }
 

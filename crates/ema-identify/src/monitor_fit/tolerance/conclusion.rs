@@ -2,6 +2,7 @@
 
 use core::cell::RefCell;
 use core::mem;
+use core::ops::RangeInclusive;
 
 use ema_ga::{LmConfig, LmStop, levenberg_marquardt};
 use ema_models::{
@@ -185,14 +186,22 @@ const ANY_SHORT: f64 = 0.02;
 
 /// A point without the short that all three phases share, where there is one: other friction, inertia and magnets look much the same.
 fn without_common_short(at: &Point) -> Option<Point> {
-    let common = at[2].min(at[3]).min(at[4]);
+    let common = common_short(at);
     (common > ANY_SHORT).then(|| {
         let mut other = *at;
-        for phase in &mut other[2..=4] {
+        for phase in &mut other[SHORTS] {
             *phase -= common;
         }
         other
     })
+}
+
+/// Places of the shorts among the coordinates.
+const SHORTS: RangeInclusive<usize> = 2..=4;
+
+/// The short that all three phases share.
+fn common_short(at: &Point) -> f64 {
+    at[SHORTS].iter().copied().fold(f64::INFINITY, f64::min)
 }
 
 /// Calls `visit` with index and unweighted residuals of each measured sample for an estimate with deviations.
@@ -227,7 +236,7 @@ fn weak_magnet(
     nearby: &mut Option<Slopes>,
     budget: u64,
 ) -> (WeakMagnet, u64) {
-    let common = optimum.at[2].min(optimum.at[3]).min(optimum.at[4]);
+    let common = common_short(&optimum.at);
     let known = problem.comparison().prior.motor;
     if common < ALL_SHORTED || known.information().is_none() {
         return (WeakMagnet::No, 0);
@@ -237,7 +246,7 @@ fn weak_magnet(
         covariance: [[known.covariance[0][0], 0.0], [0.0, ANY_MAGNET * ANY_MAGNET]],
     });
     let mut start = optimum.at;
-    for phase in &mut start[2..=4] {
+    for phase in &mut start[SHORTS] {
         *phase -= common;
     }
     start[MOTOR_COORDINATES[1]] -= common;
@@ -350,8 +359,12 @@ fn assess(
     let (alone, tolerated) = (with_model(by_data), with_model(with_nuisances));
     let competing =
         competing.filter(|other| differ(&coordinates(other), &coordinates(at), |p| alone[p] <= OBSERVABLE_SIGMA));
-    let total: [f64; FAULT_COUNT] =
-        core::array::from_fn(|p| tolerated[p].hypot(competing.map_or(0.0, |other| other[p] - at[p])));
+    // No winding fails in three phases alike: what all share may stand for friction, magnets or inertia.
+    let in_common = |p: usize| if SHORTS.contains(&p) { common_short(at) } else { 0.0 };
+    let total: [f64; FAULT_COUNT] = core::array::from_fn(|p| {
+        let other = competing.map_or(0.0, |other| other[p] - at[p]);
+        tolerated[p].hypot(other).hypot(in_common(p))
+    });
     let (sigma, observable) = reported(fault.eccentricity, &alone, &total);
     Estimate {
         fault,

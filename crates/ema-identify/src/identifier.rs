@@ -1,9 +1,14 @@
 //! Identification on the host: one window, an optional population search, descents side by side, one estimate.
 
+mod method;
+mod near_balance;
+
+pub use method::Method;
+
 use core::cell::RefCell;
 use std::vec::Vec;
 
-use ema_ga::{ConfigError, Control, GaConfig, GenerationLog, Outcome, StopReason};
+use ema_ga::{ConfigError, Control, GenerationLog, Outcome, StopReason};
 use ema_models::{
     ActuatorParams, Calibration, Comparison, Conditions, Coordinates, FAULT_COUNT, FaultVector, Feedback,
     MotorKnowledge, SIGNAL_COUNT, Scale, Signals, Tolerances, Weights,
@@ -13,42 +18,11 @@ use crate::calibration::TypeCalibration;
 use crate::effort::{Effort, Request, Stage};
 use crate::estimate::Estimate;
 use crate::monitor_fit::{
-    Descent, InTime, LocalOptimum, MAX_STARTS, Population, RUNS_OF_ASSESSMENT, RUNS_OF_DESCENT, RUNS_OF_STEP, Search,
-    Starts, Time, Timed, UNLIMITED, assess, best_first, coarse_in_time, conclude, conclude_with_tolerances,
-    descend_from_each, descend_side_by_side, is_locked, prior, residuals_with_tolerances, starts,
+    Descent, InTime, LocalOptimum, MAX_STARTS, RUNS_OF_ASSESSMENT, RUNS_OF_DESCENT, RUNS_OF_STEP, Search, Starts, Time,
+    Timed, UNLIMITED, assess, best_first, coarse_in_time, conclude, conclude_with_tolerances, descend_side_by_side,
+    is_locked, prior, residuals_with_tolerances, starts,
 };
 use crate::prepared::Prepared;
-
-/// How the fault vector is searched. `docs/search.md` compares them.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Method {
-    /// A population search on the paper's cost (eq. 14), quadrature current only; the paper's own is the genetic algorithm.
-    Eq14(Population),
-    /// A population search over all signals.
-    Population(Population),
-    /// Levenberg–Marquardt from health alone, over all signals.
-    LeastSquares,
-    /// A short population search, then Levenberg–Marquardt from its best and from health.
-    Hybrid(Population),
-}
-
-impl Method {
-    /// The default search: a genetic algorithm of 32 individuals and 5 generations, then refinement.
-    #[must_use]
-    pub fn hybrid() -> Self {
-        let mut config = GaConfig::for_dimension(FAULT_COUNT as u32);
-        config.population = 32;
-        config.elite_count = 2;
-        config.stop.max_generations = 5;
-        Self::Hybrid(Population::Genetic(config))
-    }
-
-    /// The paper's search with the toolbox's defaults for eight bounded genes.
-    #[must_use]
-    pub fn paper_ga() -> Self {
-        Self::Eq14(Population::Genetic(GaConfig::for_dimension(FAULT_COUNT as u32)))
-    }
-}
 
 /// What identification needs to know beside the samples.
 #[derive(Clone, Debug)]
@@ -147,13 +121,13 @@ impl Identifier {
         let comparison = self.comparison(window, &coefficients, conditions);
         let narrow = if matches!(self.method, Method::Hybrid(_) | Method::LeastSquares) {
             let params = coarse_in_time(&self.params);
-            let in_coarse_time = Comparison {
-                params: &params,
-                ..comparison
-            };
             let search = if self.has_tolerances() {
                 self.near_balance(window, &comparison, &params, usual, effort)
             } else {
+                let in_coarse_time = Comparison {
+                    params: &params,
+                    ..comparison
+                };
                 self.local_optima(&in_coarse_time, seed, usual, effort, Extent::FromHealth)?
             };
             let Some((estimate, found)) = self.conclude_within(&comparison, search, effort) else {
@@ -184,46 +158,6 @@ impl Identifier {
             (None, None) => return Ok(None),
         };
         Ok(self.as_far_as_granted(estimate, &found, effort))
-    }
-
-    /// The optimum near what the torque balance of the type says of a window, without nuisances, with the residuals of fine time and the
-    /// derivatives of coarse time; that near health where the motion is too short for a balance.
-    fn near_balance(
-        &self,
-        window: &Prepared,
-        comparison: &Comparison<'_>,
-        coarse: &ActuatorParams,
-        reserved: u64,
-        effort: &Effort<'_>,
-    ) -> Search {
-        let scale = Scale::new(&self.params);
-        let near = match window.by_type_balance(&self.params) {
-            Some(found) => {
-                let mut unknowns = comparison.unknowns_with_fault(found.fault);
-                if comparison.conditions.load_torque.is_none() {
-                    unknowns.load_torque = found.load_torque;
-                }
-                let mut near = Starts::new();
-                near.extend([scale.coordinates(&unknowns)]);
-                near
-            }
-            None => starts(comparison, &[FaultVector::NOMINAL]),
-        };
-        let how = Descent::TO_NUISANCES;
-        let window_s = self.length_s(comparison.recording.samples.len());
-        let most = near.len() as u64 * how.most_runs();
-        let granted = effort.grant(&Request {
-            stage: Stage::Search,
-            window_s,
-            runs: most.min(self.budget() / 2),
-            reserved,
-        });
-        let share = granted / near.len() as u64;
-        let kept = RefCell::default();
-        let timed = Timed::new(*comparison, coarse, &kept).in_time(Time::Both);
-        let search = Search::new(descend_from_each(&timed, &near, how, share), 0, false, UNLIMITED);
-        effort.ran(Stage::Search, window_s, search.evaluations);
-        search.in_coarse_time()
     }
 
     /// Whether no other estimate is worth looking for: this one explains the window, and none explains it likewise.
@@ -269,17 +203,16 @@ impl Identifier {
         };
         let mismatch = self.calibration.mismatch_near(self.params.sensors.sample_rate);
         let (before, found) = (search.evaluations, search.best().at);
+        let coarse = coarse_in_time(&self.params);
         let estimate = match self.method {
             Method::Eq14(_) | Method::Population(_) => Estimate {
                 cut: search.cut,
                 ..assess(comparison, mismatch, found, None, before, None)
             },
             Method::LeastSquares | Method::Hybrid(_) if self.has_tolerances() => {
-                let coarse = coarse_in_time(&self.params);
                 conclude_with_tolerances(comparison, &coarse, mismatch, &self.tolerances, &search, budget)
             }
             Method::LeastSquares | Method::Hybrid(_) => {
-                let coarse = coarse_in_time(&self.params);
                 let time = if search.is_in_coarse_time {
                     Time::Both
                 } else {

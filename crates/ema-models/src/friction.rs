@@ -116,13 +116,10 @@ impl<R: Real> DryFriction<R> {
     #[inline(always)]
     pub(crate) fn with_load_change(self, [opposing, aiding]: [R; 2], change: R) -> Self {
         let load = self.load + change;
-        let [more_positive, more_negative] = {
-            let [positive, negative] = gear_losses([opposing, aiding], load);
-            let [positive_before, negative_before] = gear_losses([opposing, aiding], self.load);
-            [positive - positive_before, negative - negative_before]
-        };
-        let moving_positive = self.moving_positive + more_positive;
-        let moving_negative = self.moving_negative + more_negative;
+        let [positive, negative] = gear_losses([opposing, aiding], load);
+        let [positive_before, negative_before] = gear_losses([opposing, aiding], self.load);
+        let moving_positive = self.moving_positive + (positive - positive_before);
+        let moving_negative = self.moving_negative + (negative - negative_before);
         let breakaway = self.breakaway + opposing * (load.abs() - self.load.abs());
         Self {
             load,
@@ -196,8 +193,8 @@ impl<R: Real> DryFriction<R> {
     }
 }
 
-/// Losses of a gear under a load, in positive and in negative motion, Nm. A function and no closure, which is not inlined where it is
-/// called twice; what is not inlined has no vector instructions.
+/// Losses of a gear under a load, in positive and in negative motion, Nm.
+// No closure: one that is called twice is not inlined, and then has no vector instructions.
 #[inline(always)]
 fn gear_losses<R: Real>([opposing, aiding]: [R; 2], load: R) -> [R; 2] {
     let opposes_positive = R::zero().lt(load);

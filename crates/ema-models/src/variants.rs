@@ -46,7 +46,7 @@ pub struct MonitorVariant {
     loss_shares: [f64; 2],
 }
 
-/// Residuals of one sample: for each signal, that of each lane; zero where the sample was not measured.
+/// Residuals of one sample: for each signal, that of each lane.
 pub type LaneResiduals = [[f64; COST_LANES]; SIGNAL_COUNT];
 
 impl Comparison<'_> {
@@ -88,8 +88,8 @@ impl Comparison<'_> {
         );
     }
 
-    /// Unweighted residuals of monitors side by side, one row per measured sample; the others stay as they are. `torques` and `residuals` have as many rows as the
-    /// window has samples; samples beyond the shorter are left out.
+    /// Unweighted residuals of monitors side by side, one row per sample; those of samples that were not measured stay as they are. `torques`
+    /// and `residuals` have as many rows as the window has samples; samples beyond the shorter are left out.
     pub fn residuals_of_variants(
         &self,
         variants: &[MonitorVariant; COST_LANES],

@@ -9,14 +9,17 @@ use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
+use std::thread::sleep;
+use std::time::Duration;
 
 use crate::survive_rig::{FAILING, LOAD, compare, stored, write_load, writer_of};
 use hmd_core::config::Limits;
 use hmd_storage::recorder::Recorder;
+use rustix::process::{Pid, Signal, kill_process};
 
-/// Actuations of a run: it takes longer than the second after which a failed disk is tried again.
-const ACTUATIONS: u32 = 60;
+/// Actuations of a run.
+const ACTUATIONS: u32 = 30;
 /// Records stored before the disk fails, and lost before it works again.
 const BEFORE: usize = 4;
 const LOST: usize = 3;
@@ -56,11 +59,20 @@ fn output(folder: &Path, all: bool) -> Vec<String> {
         lost += usize::from(line == "unstored");
         if line == "unstored" && lost == LOST {
             fs::remove_file(&flag).unwrap();
+            wait_for_another_try(&writer);
         }
         lines.push(line);
     }
     assert!(writer.wait().unwrap().success(), "{lines:#?}");
     lines
+}
+
+/// Lets the second pass after which a failed disk is tried again, while the writer stands: it may need less for all that is left.
+fn wait_for_another_try(writer: &Child) {
+    let process = Pid::from_child(writer);
+    kill_process(process, Signal::STOP).unwrap();
+    sleep(Duration::from_millis(1100));
+    kill_process(process, Signal::CONT).unwrap();
 }
 
 fn fails_for_a_while(all: bool) {

@@ -12,7 +12,8 @@ use ema_models::{
 
 use super::basis::Basis;
 use super::inferred::inferred;
-use super::problem::{DIMENSION, Linearised, NUISANCE_MAX, OnDescent, Point, Problem, Slopes, coordinates};
+use super::on_descent::OnDescent;
+use super::problem::{DIMENSION, Linearised, NUISANCE_MAX, Point, Problem, Slopes, coordinates};
 use nalgebra::SMatrix;
 
 use crate::calibration::Mismatch;

@@ -1,10 +1,9 @@
 //! The least-squares problem of a window's unknowns together with the nuisances.
 
-use core::cell::{Cell, RefCell};
+use core::cell::RefCell;
 use std::vec;
 use std::vec::Vec;
 
-use ema_ga::Residuals;
 use ema_models::{
     ActuatorParams, COST_LANES, Comparison, Coordinates, GRAM_COLUMNS, GramRow, LaneResiduals, MonitorVariant,
     MotorKnowledge, NormalEquations, SIGNAL_COUNT, Scale, ShaftSizes, Tolerances, UNKNOWN_COUNT, Unknowns, Weights,
@@ -73,6 +72,16 @@ struct ResidualsAt {
 pub(super) struct Slopes {
     rows: Vec<GramRow>,
     weights: Weights,
+}
+
+impl Slopes {
+    /// Those of a problem that was linearised whole.
+    pub(super) fn of(linearised: &Linearised, problem: &Problem<'_>) -> Self {
+        Self {
+            rows: linearised.rows.clone(),
+            weights: problem.comparison.weights,
+        }
+    }
 }
 
 /// Derivatives and residuals, weighted, one row per sample and signal.
@@ -261,7 +270,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Derivatives and residuals at a point. Those along the slow coordinates are taken from `nearby`, if there are any.
-    fn linearised_near(&self, at: &Point, nearby: Option<&Slopes>) -> Linearised {
+    pub(super) fn linearised_near(&self, at: &Point, nearby: Option<&Slopes>) -> Linearised {
         let own = coordinates(at).inward_steps(self.step);
         let step = |p: usize| match p.checked_sub(UNKNOWN_COUNT) {
             None => own[p],
@@ -352,8 +361,13 @@ impl<'a> Problem<'a> {
         }
     }
 
+    /// Gives back the memory of rows that are not needed any more.
+    pub(super) fn reuse(&self, rows: Vec<GramRow>) {
+        self.buffers.borrow_mut().rows = rows;
+    }
+
     /// Puts the residuals of another point beside the derivatives.
-    fn set_residuals(&self, linearised: &mut Linearised, at: &Point) {
+    pub(super) fn set_residuals(&self, linearised: &mut Linearised, at: &Point) {
         let Buffers { residuals, .. } = &mut *self.buffers.borrow_mut();
         let found = self.residuals_at(residuals, at);
         let weights = self.comparison.weights.to_array();
@@ -476,108 +490,6 @@ fn is_slow(p: usize) -> bool {
     p.checked_sub(UNKNOWN_COUNT).is_some_and(|n| !QUICK.contains(&n))
 }
 
-/// A problem during one descent: derivatives along slow coordinates are those of a point nearby, or of the first one, and all derivatives
-/// stay as they are after a step that gained what they had promised.
-pub(super) struct OnDescent<'p, 'a> {
-    problem: &'p Problem<'a>,
-    nearby: RefCell<&'p mut Option<Slopes>>,
-    last: RefCell<Option<Last>>,
-    runs: Cell<u64>,
-}
-
-/// The last point of a descent, with derivatives of it or of an earlier one.
-struct Last {
-    at: Point,
-    linearised: Linearised,
-}
-
-/// Share of the promised decrease of the cost, and its inverse, by which a step may miss it for the derivatives to stay.
-const AS_PROMISED: f64 = 0.8;
-
-impl Last {
-    /// Whether the cost at another point is as the derivatives promised.
-    fn foretold(&self, at: &Point, cost: f64) -> bool {
-        let step = SVector::<f64, DIMENSION>::from_fn(|p, _| at[p] - self.at[p]);
-        let promised =
-            -(self.linearised.gradient().dot(&step) + 0.5 * step.dot(&(self.linearised.information() * step)));
-        let gained = self.linearised.cost() - cost;
-        promised > 0.0 && gained > AS_PROMISED * promised && gained * AS_PROMISED < promised
-    }
-}
-
-impl<'p, 'a> OnDescent<'p, 'a> {
-    /// `nearby` are set at the first point where there are none.
-    pub(super) fn new(problem: &'p Problem<'a>, nearby: &'p mut Option<Slopes>) -> Self {
-        Self {
-            problem,
-            nearby: RefCell::new(nearby),
-            last: RefCell::new(None),
-            runs: Cell::new(0),
-        }
-    }
-
-    /// Monitor runs so far, but those of rejected steps that were computed ahead.
-    pub(super) fn runs(&self) -> u64 {
-        self.runs.get()
-    }
-
-    fn ran(&self, runs: u64) {
-        self.runs.set(self.runs.get() + runs);
-    }
-
-    /// The linearised problem at a point, by the derivatives that it had where they still foretell its costs.
-    fn linearised(&self, at: &Point) -> Linearised {
-        let mut last = self.last.borrow_mut();
-        if let Some(mut before) = last.take() {
-            if before.foretold(at, self.problem.cost(at)) {
-                self.problem.set_residuals(&mut before.linearised, at);
-                return before.linearised;
-            }
-            self.problem.buffers.borrow_mut().rows = before.linearised.rows;
-        }
-        let mut nearby = self.nearby.borrow_mut();
-        let linearised = self.problem.linearised_near(at, nearby.as_ref());
-        self.ran(if nearby.is_some() {
-            COST_LANES as u64
-        } else {
-            DIMENSION as u64 + 1
-        });
-        if nearby.is_none() {
-            **nearby = Some(Slopes {
-                rows: linearised.rows.clone(),
-                weights: self.problem.comparison.weights,
-            });
-        }
-        linearised
-    }
-}
-
-impl Residuals<DIMENSION> for OnDescent<'_, '_> {
-    fn normal_equations(
-        &self,
-        genes: &Point,
-        jtj: &mut SMatrix<f64, DIMENSION, DIMENSION>,
-        jtr: &mut SVector<f64, DIMENSION>,
-    ) -> f64 {
-        let linearised = self.linearised(genes);
-        jtj.copy_from(&linearised.information());
-        jtr.copy_from(&linearised.gradient());
-        let cost = linearised.cost();
-        *self.last.borrow_mut() = Some(Last { at: *genes, linearised });
-        cost
-    }
-
-    fn cost(&self, genes: &Point) -> f64 {
-        self.ran(1);
-        self.problem.cost(genes)
-    }
-
-    fn project(&self, genes: &mut Point) {
-        let projected = coordinates(genes).projected_to_unit_disc().0;
-        genes[..UNKNOWN_COUNT].copy_from_slice(&projected);
-    }
-}
-
 impl Problem<'_> {
     /// Half the sum of the squares at a point, the prior included.
     pub(super) fn cost(&self, at: &Point) -> f64 {
@@ -649,10 +561,7 @@ mod tests {
         let mut at: Point = core::array::from_fn(|p| start.0.get(p).copied().unwrap_or(0.3));
         at[0] = 0.2;
         let whole = problem.linearised(&at);
-        let slopes = Slopes {
-            rows: whole.rows.clone(),
-            weights: comparison.weights,
-        };
+        let slopes = Slopes::of(&whole, &problem);
         let near = problem.linearised_near(&at, Some(&slopes));
         let shown = |p: usize| whole.rows.iter().any(|row| row[p].abs() > 0.0);
         assert!((UNKNOWN_COUNT..DIMENSION).filter(|&p| is_slow(p) && shown(p)).count() > 20);

@@ -8,7 +8,7 @@ use ema_identify::calibration::{MonitorForm, TypeCalibration};
 use ema_identify::relations::{BalanceShape, CommissionedRelations, MeasuredWindow, RelationsEstimate, commission};
 use ema_identify::{
     ActuatorKnowledge, Estimate, Identifier, Method, Prepared, RecordedSample, RecordedWindow, StreamedWindow,
-    identify_from_health,
+    identify_recorded,
 };
 use ema_models::reference::{CurrentSensing, Scenario};
 use ema_models::{ActuatorParams, Conditions, FaultVector, MotorKnowledge, SensedSample, Setpoint, Tolerances};
@@ -170,7 +170,7 @@ impl Case {
     pub(crate) fn on_the_controller(&self) -> Estimate {
         let window = RecordedWindow::new(&self.actuator.params, &self.samples, self.rest).expect("a window");
         let streamed = StreamedWindow::new(&window, &self.actuator, self.conditions);
-        identify_from_health(&streamed, &self.actuator.mismatch)
+        identify_recorded(&streamed, &self.actuator.mismatch)
     }
 
     /// What the relations of a unit find, on either machine.

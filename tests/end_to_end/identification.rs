@@ -69,9 +69,9 @@ fn an_exhausted_budget_is_reported() {
         panic!("the default's population is genetic")
     };
     let enough = estimate(Profile::Ramp, 0, Method::hybrid()).evaluations;
-    config.stop.max_evaluations = Some(enough - 20);
+    config.stop.max_evaluations = Some(enough - 10);
     let found = estimate(Profile::Ramp, 0, Method::Hybrid(Population::Genetic(config)));
-    assert!(found.evaluations <= enough - 20, "{} of {enough}", found.evaluations);
+    assert!(found.evaluations <= enough - 10, "{} of {enough}", found.evaluations);
     assert!(found.cut && found.sigma[0].is_none());
 }
 

@@ -51,10 +51,13 @@ pub struct LmConfig {
     /// Converged when the model expects of the next step less than this share of the cost; its cost is then not computed. Where costs are
     /// dear it spares a row of rejected steps at the resolution of the derivatives. 0: never.
     pub expected_tolerance: f64,
+    /// Converged when a step is rejected of which the model expected at most this share of the cost: it is at the resolution of the
+    /// derivatives, or of the costs. 0: never.
+    pub rejected_tolerance: f64,
 }
 
 impl Default for LmConfig {
-    /// 50 iterations, 200 evaluations, damping from 1e-3, tolerances of 1e-10, of the expected decrease 0.
+    /// 50 iterations, 200 evaluations, damping from 1e-3, tolerances of 1e-10, of the expected decrease, and of that of a rejected step, 0.
     fn default() -> Self {
         Self {
             max_iterations: 50,
@@ -64,6 +67,7 @@ impl Default for LmConfig {
             step_tolerance: 1e-10,
             cost_tolerance: 1e-10,
             expected_tolerance: 0.0,
+            rejected_tolerance: 0.0,
         }
     }
 }
@@ -76,7 +80,7 @@ pub enum LmStop {
     /// The step became negligible: no lower cost is found at this resolution.
     Step,
     /// The last step lowered the cost by no more than the tolerance, and the derivatives at the returned point are not computed; or the
-    /// model expected less of the next one.
+    /// model expected less of the next one, or little more of one that was rejected.
     Cost,
     /// The search reached the largest number of linearisations.
     MaxIterations,
@@ -93,6 +97,8 @@ pub struct LmOutcome<const D: usize> {
     pub genes: [f64; D],
     /// Its cost `0.5 sum r^2`, never above the cost of the start.
     pub cost: f64,
+    /// `J^T J` of the last linearisation: at the best point, or one step before it.
+    pub information: SMatrix<f64, D, D>,
     /// Number of linearisations.
     pub iterations: u32,
     /// Calls of [`Residuals::normal_equations`] and [`Residuals::cost`] together.
@@ -111,7 +117,8 @@ pub struct LmOutcome<const D: usize> {
 ///    A step of which the model expects less than `expected_tolerance` of the cost ends the search.
 /// 5. If the gain ratio is above zero, the step is accepted and `lambda` is multiplied by `max(1/3, 1 - (2 gain - 1)^3)`. The
 ///    search ends if the cost fell by no more than `cost_tolerance`, and else continues with 1. If the gain ratio is not
-///    above zero, or the cost is not finite, `lambda` is multiplied by 2, 4, 8, ..., and 3 is repeated.
+///    above zero, or the cost is not finite, `lambda` is multiplied by 2, 4, 8, ..., and 3 is repeated, unless the model expected
+///    at most `rejected_tolerance` of the cost.
 ///
 /// If [`Residuals::SIDE_BY_SIDE`] is above 1, the first rejection computes the costs of the following trials at once. This
 /// changes neither the result nor the count of evaluations, which omits the costs that are not used.
@@ -148,6 +155,7 @@ pub fn levenberg_marquardt<const D: usize>(
     let mut at = LmOutcome {
         genes: bounds.clamp(start),
         cost: f64::INFINITY,
+        information: SMatrix::zeros(),
         iterations: 0,
         evaluations: 0,
         stop: LmStop::MaxEvaluations,
@@ -157,11 +165,13 @@ pub fn levenberg_marquardt<const D: usize>(
         if at.evaluations >= config.max_evaluations {
             return at.ended(LmStop::MaxEvaluations);
         }
-        let mut model = Model {
-            jtj: SMatrix::zeros(),
-            gradient: SVector::zeros(),
+        let mut gradient = SVector::zeros();
+        at.information.fill(0.0);
+        let cost = residuals.normal_equations(&at.genes, &mut at.information, &mut gradient);
+        let model = Model {
+            jtj: &at.information,
+            gradient,
         };
-        let cost = residuals.normal_equations(&at.genes, &mut model.jtj, &mut model.gradient);
         at.iterations += 1;
         at.evaluations += 1;
         if !(cost.is_finite() && model.is_finite()) {
@@ -195,7 +205,8 @@ pub fn levenberg_marquardt<const D: usize>(
                 }
                 let expected = model.decrease(&at.genes, &trial);
                 // A projection can make a step that is expected to gain nothing: that one is damped, not the end.
-                if config.expected_tolerance > 0.0 && (0.0..config.expected_tolerance * cost).contains(&expected) {
+                let expects_less = |share: f64| share > 0.0 && (0.0..share * cost).contains(&expected);
+                if expects_less(config.expected_tolerance) {
                     return at.ended(LmStop::Cost);
                 }
                 let trial_cost = ahead.next_cost().unwrap_or_else(|| residuals.cost(&trial));
@@ -211,6 +222,9 @@ pub fn levenberg_marquardt<const D: usize>(
                         return at.ended(LmStop::Cost);
                     }
                     break;
+                }
+                if expects_less(config.rejected_tolerance) {
+                    return at.ended(LmStop::Cost);
                 }
             }
             damping *= growth;
@@ -277,12 +291,12 @@ impl Ahead {
 }
 
 /// The cost near a point, `cost + g^T d + 0.5 d^T J^T J d`.
-struct Model<const D: usize> {
-    jtj: SMatrix<f64, D, D>,
+struct Model<'a, const D: usize> {
+    jtj: &'a SMatrix<f64, D, D>,
     gradient: SVector<f64, D>,
 }
 
-impl<const D: usize> Model<D> {
+impl<const D: usize> Model<'_, D> {
     fn is_finite(&self) -> bool {
         self.jtj
             .iter()
@@ -313,7 +327,7 @@ impl<const D: usize> Model<D> {
         let floor = self.jtj.diagonal().max() * f64::EPSILON;
         let mut trial = *genes;
         loop {
-            let mut matrix = self.jtj;
+            let mut matrix = *self.jtj;
             let mut rhs = -self.gradient;
             for i in 0..D {
                 matrix[(i, i)] += damping * self.jtj[(i, i)].max(floor);

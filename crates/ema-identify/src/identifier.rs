@@ -18,9 +18,9 @@ use crate::calibration::TypeCalibration;
 use crate::effort::{Effort, Request, Stage};
 use crate::estimate::Estimate;
 use crate::monitor_fit::{
-    Descent, InTime, LocalOptimum, MAX_STARTS, RUNS_OF_ASSESSMENT, RUNS_OF_DESCENT, RUNS_OF_STEP, Search, Starts, Time,
-    Timed, UNLIMITED, assess, best_first, coarse_in_time, conclude, conclude_with_tolerances, descend_side_by_side,
-    is_locked, prior, residuals_with_tolerances, starts,
+    Descent, InTime, LocalOptimum, MAX_STARTS, Optimum, RUNS_OF_ASSESSMENT, RUNS_OF_DESCENT, RUNS_OF_STEP, Search,
+    Starts, Time, Timed, UNLIMITED, assess, best_first, coarse_in_time, conclude, conclude_with_tolerances,
+    descend_side_by_side, is_locked, prior, residuals_with_tolerances, starts,
 };
 use crate::prepared::Prepared;
 
@@ -121,14 +121,16 @@ impl Identifier {
         let comparison = self.comparison(window, &coefficients, conditions);
         let narrow = if matches!(self.method, Method::Hybrid(_) | Method::LeastSquares) {
             let params = coarse_in_time(&self.params);
-            let search = if self.has_tolerances() {
-                self.near_balance(window, &comparison, &params, usual, effort)
-            } else {
-                let in_coarse_time = Comparison {
-                    params: &params,
-                    ..comparison
-                };
-                self.local_optima(&in_coarse_time, seed, usual, effort, Extent::FromHealth)?
+            let near = self.near_balance(window, &comparison, &params, usual, effort);
+            let search = match near {
+                Some(search) => search,
+                None => {
+                    let in_coarse_time = Comparison {
+                        params: &params,
+                        ..comparison
+                    };
+                    self.local_optima(&in_coarse_time, seed, usual, effort, Extent::FromHealth)?
+                }
             };
             let Some((estimate, found)) = self.conclude_within(&comparison, search, effort) else {
                 return Ok(None);
@@ -207,16 +209,22 @@ impl Identifier {
         let estimate = match self.method {
             Method::Eq14(_) | Method::Population(_) => Estimate {
                 cut: search.cut,
-                ..assess(comparison, mismatch, found, None, before, None)
+                ..assess(
+                    comparison,
+                    &comparison.weights,
+                    mismatch,
+                    Optimum::uncompared(found),
+                    before,
+                    None,
+                )
             },
             Method::LeastSquares | Method::Hybrid(_) if self.has_tolerances() => {
                 conclude_with_tolerances(comparison, &coarse, mismatch, &self.tolerances, &search, budget)
             }
             Method::LeastSquares | Method::Hybrid(_) => {
-                let time = if search.is_in_coarse_time {
-                    Time::Both
-                } else {
-                    Time::Fine
+                let time = match search.time {
+                    Time::Coarse | Time::Both => Time::Both,
+                    Time::Fine => Time::Fine,
                 };
                 let kept = RefCell::default();
                 let window = Timed::new(*comparison, &coarse, &kept).in_time(time);
@@ -334,7 +342,7 @@ impl Identifier {
                 let starts = starts(comparison, &[FaultVector::NOMINAL]);
                 let search = Search::new(descend(&starts, UNLIMITED), 0, false, UNLIMITED);
                 match extent {
-                    Extent::FromHealth => search.in_coarse_time(),
+                    Extent::FromHealth => search.in_time(Time::Coarse),
                     Extent::Whole => search,
                 }
             }
@@ -343,7 +351,7 @@ impl Identifier {
                 let share = population.budget().map_or(UNLIMITED, |budget| {
                     budget.saturating_sub(RUNS_OF_ASSESSMENT) / (2 * starts.len() as u64 + 1)
                 });
-                Search::new(descend(&starts, share), 0, false, share).in_coarse_time()
+                Search::new(descend(&starts, share), 0, false, share).in_time(Time::Coarse)
             }
             Method::Hybrid(population) => {
                 let (individuals, generations) = population.extent();
@@ -383,6 +391,7 @@ impl Identifier {
             at: Scale::new(&self.params).coordinates(&unknowns),
             spent: found.evaluations,
             cut: was_cut(found),
+            variance: None,
         };
         Search::new(best_first([best]), 0, false, 0)
     }

@@ -53,7 +53,7 @@ pub use inferred::{Inferred, InferredReadings};
 pub use monitor_fit::Population;
 pub use monitor_fit::{
     ActuatorKnowledge, InTime, MAX_CONTROLS, MonitoredWindow, RecordedSample, RecordedWindow, SampleDrive,
-    StreamedWindow, Time, cramer_rao_bound, estimator_bias, identify_from_health, refined_from,
+    StreamedWindow, Time, cramer_rao_bound, estimator_bias, identify_recorded, refined_from,
 };
 #[cfg(feature = "std")]
 pub use output_zero::output_zero;

@@ -35,13 +35,13 @@ mod uncertainty;
 mod weak_magnet;
 mod window;
 
-pub use conclusion::identify_from_health;
+pub use conclusion::identify_recorded;
 #[cfg(feature = "std")]
 pub(crate) use conclusion::{Search, conclude};
 #[cfg(feature = "std")]
 pub(crate) use least_squares::{
     Descent, LocalOptimum, MAX_STARTS, RUNS_OF_DESCENT, RUNS_OF_STEP, Starts, UNLIMITED, best_first, descend_from_each,
-    descend_side_by_side, starts,
+    descend_side_by_side, start_by_balance, starts,
 };
 pub use least_squares::{estimator_bias, refined_from};
 #[cfg(feature = "std")]
@@ -52,7 +52,7 @@ pub use streamed::StreamedWindow;
 pub(crate) use tolerance::{conclude_with_tolerances, residuals_with_tolerances};
 pub use uncertainty::cramer_rao_bound;
 #[cfg(feature = "std")]
-pub(crate) use uncertainty::{RUNS_OF_ASSESSMENT, assess};
+pub(crate) use uncertainty::{Optimum, RUNS_OF_ASSESSMENT, assess};
 #[cfg(feature = "std")]
 pub(crate) use window::prior;
 pub use window::{ActuatorKnowledge, InTime, MonitoredWindow};

@@ -43,7 +43,7 @@ impl Prepared {
 
     /// What the torque balance of the type says of the window; `None` where the motion is too short.
     pub(crate) fn by_type_balance(&self, params: &ActuatorParams) -> Option<ByTypeBalance> {
-        by_type_balance(params, &self.sensed, &self.filled)
+        by_type_balance(params, &self.sensed, &self.filled, self.initial.backlash)
     }
 
     /// The samples and their initial state.

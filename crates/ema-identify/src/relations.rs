@@ -55,7 +55,6 @@ mod sliding;
 mod terms;
 mod torque_balance;
 mod transmission;
-#[cfg(feature = "std")]
 mod type_balance;
 
 pub use baseline::Baseline;
@@ -79,5 +78,4 @@ pub use shared::FRICTION_MIN_SHARE;
 pub use shared::SHARED_COUNT;
 pub use terms::{BalanceShape, TERM_COUNT, Term};
 pub use torque_balance::BalanceCoefficients;
-#[cfg(feature = "std")]
 pub(crate) use type_balance::{ByTypeBalance, by_type_balance};

@@ -80,7 +80,7 @@ pub use params::{
 };
 pub use prior::{NormalEquations, Prior};
 pub use real::Real;
-pub use recording::{Recording, WindowFrame, prepare_window};
+pub use recording::{Recording, WindowFrame, number_of_counts, prepare_window};
 pub use residual::{ResidualState, speed_span};
 pub use samples::{ComparedSample, InitialState, Origin, SensedSample};
 pub use signals::{SIGNAL_COUNT, Signals, Weights};

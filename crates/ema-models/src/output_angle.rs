@@ -12,12 +12,13 @@ const WIDTHS: usize = 33;
 /// Number of searches; each refines the range around the best width of the one before.
 const SEARCHES: usize = 4;
 
-/// Sets [`ComparedSample::theta_out_estimate`] of the samples of a window.
-pub(crate) fn estimate_output_angles(params: &ActuatorParams, origin: &Origin, samples: &mut [ComparedSample]) {
+/// Sets [`ComparedSample::theta_out_estimate`] of the samples of a window, and returns the backlash.
+pub(crate) fn estimate_output_angles(params: &ActuatorParams, origin: &Origin, samples: &mut [ComparedSample]) -> f64 {
     let mut estimator = OutputAngleEstimator::new(params, origin, || samples.iter().map(AngleReading::from));
     for sample in samples {
         sample.theta_out_estimate = estimator.next_angle(AngleReading::from(&*sample));
     }
+    estimator.backlash()
 }
 
 /// Motor and output angle at one sample.
@@ -49,6 +50,7 @@ impl From<&ComparedSample> for AngleReading {
 /// instants at which the controller observes a change of the count must not move during the search: the cost would be uneven.
 #[derive(Clone, Copy, Debug)]
 pub struct OutputAngleEstimator {
+    backlash: f64,
     gear_ratio: f64,
     play_centre: f64,
     half_play: f64,
@@ -73,6 +75,7 @@ impl OutputAngleEstimator {
                 ..FaultVector::NOMINAL
             };
             Self {
+                backlash: width,
                 gear_ratio: params.transmission.gear_ratio,
                 play_centre: origin.play_centre,
                 half_play: 0.5 * params.transmission.backlash * worn.backlash_factor(),
@@ -95,6 +98,10 @@ impl OutputAngleEstimator {
                         let outside = (libm::fabs(reading.theta_out - theta_out) - allowed).max(0.0);
                         sum += outside * outside;
                     }
+                    // No further sample makes it less.
+                    if sum > least {
+                        break;
+                    }
                 }
                 if sum < least {
                     (least, narrowest, widest) = (sum, width, width);
@@ -106,6 +113,12 @@ impl OutputAngleEstimator {
             reach = 0.5 * (widest - narrowest) + step;
         }
         with_width(best)
+    }
+
+    /// Backlash that explains the counts best, as the fault parameter k2.
+    #[must_use]
+    pub fn backlash(&self) -> f64 {
+        self.backlash
     }
 
     /// Estimated output angle at the next sample, rad; without a measured count, the angle that follows from the backlash.

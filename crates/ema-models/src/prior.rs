@@ -87,10 +87,8 @@ pub struct NormalEquations {
 }
 
 impl NormalEquations {
-    /// The equations with the motor's coordinates fixed if the deviation is known exactly: they do not change and add no
-    /// uncertainty.
-    #[must_use]
-    pub fn with_known_motor_fixed(mut self, motor: &MotorKnowledge) -> Self {
+    /// Fixes the motor's coordinates if the deviation is known exactly: they do not change and add no uncertainty.
+    pub fn fix_known_motor(&mut self, motor: &MotorKnowledge) {
         if motor.information().is_none() {
             for p in MOTOR_COORDINATES {
                 for q in 0..UNKNOWN_COUNT {
@@ -101,6 +99,5 @@ impl NormalEquations {
                 self.jtr[p] = 0.0;
             }
         }
-        self
     }
 }

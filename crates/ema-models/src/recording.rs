@@ -66,8 +66,16 @@ pub fn prepare_window(
         return InitialState::default();
     }
     let ready = sensed.len().min(into.len());
-    estimate_output_angles(params, &frame.origin, &mut into[..ready]);
-    frame.initial_state(&sensed[rest - 1], into[..rest].iter().map(|s| [s.i_d, s.i_q]))
+    let backlash = estimate_output_angles(params, &frame.origin, &mut into[..ready]);
+    let at_rest = into[..rest].iter().map(|s| [s.i_d, s.i_q]);
+    frame.initial_state(&sensed[rest - 1], at_rest, backlash)
+}
+
+/// A count as a number, the same bits as by `as`: a controller has an instruction for 32 bits only.
+#[must_use]
+#[inline(always)]
+pub fn number_of_counts(counts: i64) -> f64 {
+    i32::try_from(counts).map_or_else(|_| counts as f64, f64::from)
 }
 
 /// Converts the samples of one window, one at a time.
@@ -122,8 +130,8 @@ impl WindowFrame {
     #[must_use]
     pub fn angles(&self, s: &SensedSample) -> [f64; 2] {
         [
-            ((s.motor_counts - self.first_motor_counts) as f64 + 0.5) * self.motor_lsb,
-            ((s.output_counts - self.first_output_counts) as f64 + 0.5) * self.output_lsb,
+            (number_of_counts(s.motor_counts - self.first_motor_counts) + 0.5) * self.motor_lsb,
+            (number_of_counts(s.output_counts - self.first_output_counts) + 0.5) * self.output_lsb,
         ]
     }
 
@@ -140,9 +148,9 @@ impl WindowFrame {
             i_d,
             i_q,
             theta_m,
-            omega_m: (after.motor_counts - before.motor_counts) as f64 * self.motor_lsb / span,
+            omega_m: number_of_counts(after.motor_counts - before.motor_counts) * self.motor_lsb / span,
             theta_out,
-            theta_m_change: (after.motor_counts - before.motor_counts) as f64 * self.motor_lsb / neighbours,
+            theta_m_change: number_of_counts(after.motor_counts - before.motor_counts) * self.motor_lsb / neighbours,
             theta_out_estimate: 0.0,
             setpoint: match s.setpoint {
                 Setpoint::Position(angle) => {
@@ -154,12 +162,14 @@ impl WindowFrame {
         }
     }
 
-    /// State at the first sample, from the last sample at rest and the direct and quadrature currents of all samples at rest.
+    /// State at the first sample, from the last sample at rest and the direct and quadrature currents of all samples at rest; `backlash` is
+    /// that of the [output angles](crate::OutputAngleEstimator::backlash).
     #[must_use]
     pub fn initial_state(
         &self,
         last_at_rest: &SensedSample,
         currents: impl ExactSizeIterator<Item = [f64; 2]> + Clone,
+        backlash: f64,
     ) -> InitialState {
         let rest = currents.len();
         let turned = last_at_rest.motor_counts - self.first_motor_counts;
@@ -177,6 +187,7 @@ impl WindowFrame {
                 value_at_start(currents.clone().map(|i| i[0])),
                 value_at_start(currents.map(|i| i[1])),
             ],
+            backlash,
         }
     }
 }

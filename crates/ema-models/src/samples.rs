@@ -78,4 +78,6 @@ pub struct InitialState {
     pub omega_m: f64,
     /// Direct and quadrature current, A; the integral of the speed loop starts at the torque of the latter.
     pub i_dq: [f64; 2],
+    /// Backlash that explains the output counts of the window best, as the fault parameter k2; it has no part in the state.
+    pub backlash: f64,
 }

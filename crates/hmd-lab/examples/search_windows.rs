@@ -3,7 +3,7 @@
 //!
 //! `cargo run --release -p hmd-lab --example search_windows -- [KEY=VALUE]…`. Keys: `actuator`, `rate` (Hz), `n`, `seed`; `unit`: `exact`
 //! (the type, load measured), `noisy` (the motor of the suite `noise`) or `catalogue` (imperfections of the suite `robust`);
-//! `tolerances`: `none` or `usual`; `profile`: `mixed` or `any`; `faults`: `random` (those of the suite) or `hard` (up to 1, several at once).
+//! `method`: `hybrid` or `least-squares`, that of a controller; `tolerances`: `none` or `usual`; `profile`: `mixed` or `any`; `faults`: `random` (those of the suite) or `hard` (up to 1, several at once).
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -23,6 +23,7 @@ use hmd_lab::evaluate::robust::{CatalogueUnit, entry_names};
 use hmd_lab::simulated::SimulatedWindow;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rustix::time::{ClockId, clock_gettime};
 use serde_json::{Value, json};
 
 type Failed = Box<dyn Error + Send + Sync>;
@@ -132,21 +133,24 @@ fn line(asked: &Asked, number: u64) -> Result<Value, Failed> {
     let identifier = Identifier {
         params,
         calibration: TypeCalibration::built_in(actuator, MonitorForm::ThreePhase).ok_or("no calibration")?,
-        method: Method::hybrid(),
+        method: match asked.text("method", "hybrid") {
+            "hybrid" => Method::hybrid(),
+            _ => Method::LeastSquares,
+        },
         motor,
         tolerances: match asked.text("tolerances", "none") {
             "none" => Tolerances::NONE,
             _ => Tolerances::USUAL,
         },
     };
-    let before = processor_ms()?;
+    let before = processor_ms();
     let mut phases = Phases {
         last_ms: before,
         ..Phases::default()
     };
     let found = identifier.identify_within(&window.prepared, window.conditions, seed, &Effort::within(&mut phases))?;
     let found = found.ok_or("an estimate")?;
-    let ms = processor_ms()? - before;
+    let ms = processor_ms() - before;
     let weights = identifier.calibration.weights(rate).to_array();
     let (mut earlier, mut sum, mut count) = ([0.0; SIGNAL_COUNT], 0.0, 0);
     identifier.residuals(&window.prepared, window.conditions, &found, |_, residuals| {
@@ -159,7 +163,7 @@ fn line(asked: &Asked, number: u64) -> Result<Value, Failed> {
     let systematic = sum / f64::from(count.max(1));
     Ok(json!({
         "number": number, "entry": entry, "profile": format!("{profile:?}"), "truth": fault.to_array(), "k": found.fault.to_array(),
-        "sigma": found.sigma, "load": found.unknowns.load_torque, "cost": found.cost, "systematic": systematic,
+        "sigma": found.sigma, "unmodelled": found.is_unmodelled(), "load": found.unknowns.load_torque, "cost": found.cost, "systematic": systematic,
         "rss_pct": rss_pct(&found.fault, &fault), "evaluations": found.evaluations, "ambiguous": found.competing_optimum.is_some(),
         "locked": found.locked, "ms": ms, "search": phases.search, "conclusion": phases.conclusion, "searches": phases.searches,
     }))
@@ -182,7 +186,7 @@ impl Allowance for Phases {
     }
 
     fn ran(&mut self, stage: Stage, _: f64, runs: u64) {
-        let now = processor_ms().unwrap_or(f64::NAN);
+        let now = processor_ms();
         let phase = match stage {
             Stage::Search => &mut self.search,
             Stage::Conclusion | Stage::Relations => &mut self.conclusion,
@@ -221,8 +225,7 @@ fn any_profile(rng: &mut ChaCha8Rng) -> Profile {
 }
 
 /// Processor time of this thread so far, ms.
-fn processor_ms() -> Result<f64, Failed> {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat")?;
-    let first = text.split_whitespace().next().ok_or("schedstat")?;
-    Ok(first.parse::<f64>()? / 1e6)
+fn processor_ms() -> f64 {
+    let now = clock_gettime(ClockId::ThreadCPUTime);
+    now.tv_sec as f64 * 1e3 + now.tv_nsec as f64 / 1e6
 }

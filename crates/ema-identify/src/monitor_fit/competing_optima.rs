@@ -75,6 +75,7 @@ mod tests {
                 at: Coordinates(at),
                 spent: 0,
                 cut: false,
+                variance: None,
             }
         };
         let found = |optima: &[LocalOptimum]| competing_optimum(&comparison, optima).map(|at| at.0[0]);

@@ -5,22 +5,39 @@ use ema_models::{Coordinates, FaultVector, SIGNAL_COUNT, Scale, Signals, Weights
 use super::coarse_time::Time;
 use super::competing_optima::{competing_optimum, differ};
 use super::least_squares::{
-    Descent, LocalOptima, LocalOptimum, Starts, UNLIMITED, descend_from_each, refine_one_sided, starts,
+    Descent, LocalOptima, LocalOptimum, Starts, UNLIMITED, descend_from_each, refine_one_sided, start_by_balance,
+    starts,
 };
-use super::uncertainty::{RUNS_OF_ASSESSMENT, assess};
+use super::recorded_window::RecordedSample;
+use super::streamed::StreamedWindow;
+use super::uncertainty::{Curvature, Optimum, RUNS_OF_ASSESSMENT, assess};
 use super::weak_magnet::{WeakMagnet, weak_magnet};
 use super::window::{InTime, MonitoredWindow};
 use crate::calibration::Mismatch;
 use crate::estimate::Estimate;
+use crate::relations::ByTypeBalance;
 
-/// Estimates the fault vector of one window by descents from health, one after another: the whole identification of a
-/// controller, and on the host the one of `Method::LeastSquares`.
+/// Estimates the fault vector of one window by descents: the whole identification of a controller, and on the host the one of
+/// `Method::LeastSquares`.
 ///
-/// The descents run in coarse time, and from where they end once more with the residuals of fine time.
+/// One descent from what the torque balance of the type says, with the residuals of fine time and the derivatives of coarse time. Without
+/// a balance descents from health in coarse time, and from where they end with the residuals of fine time.
 #[must_use]
-pub fn identify_from_health(window: &impl InTime, mismatch: &Mismatch) -> Estimate {
-    let search = search_from_health(&window.in_time(Time::Coarse));
+#[inline(never)]
+pub fn identify_recorded<S: RecordedSample>(window: &StreamedWindow<'_, S>, mismatch: &Mismatch) -> Estimate {
+    let search = match window.by_type_balance() {
+        Some(found) => search_from(&window.in_time(Time::Both), &found),
+        None => search_from_health(&window.in_time(Time::Coarse)),
+    };
     conclude(&window.in_time(Time::Both), mismatch, search, UNLIMITED)
+}
+
+#[inline(never)]
+fn search_from(window: &impl MonitoredWindow, found: &ByTypeBalance) -> Search {
+    let mut starts = Starts::new();
+    starts.extend([start_by_balance(window, found)]);
+    let optima = descend_from_each(window, &starts, Descent::CLOSE_TO_A_FLOOR, UNLIMITED);
+    Search::new(optima, 0, false, UNLIMITED).in_time(Time::Both)
 }
 
 /// Not inlined: a controller has no room for its starts during the conclusion.
@@ -28,7 +45,7 @@ pub fn identify_from_health(window: &impl InTime, mismatch: &Mismatch) -> Estima
 fn search_from_health(window: &impl MonitoredWindow) -> Search {
     let starts = starts(window, &[FaultVector::NOMINAL]);
     let optima = descend_from_each(window, &starts, Descent::INTO_A_VALLEY, UNLIMITED);
-    Search::new(optima, 0, false, UNLIMITED).in_coarse_time()
+    Search::new(optima, 0, false, UNLIMITED).in_time(Time::Coarse)
 }
 
 /// What a search found.
@@ -39,8 +56,8 @@ pub(crate) struct Search {
     pub(crate) evaluations: u64,
     /// Whether the budget cut it short anywhere.
     pub(crate) cut: bool,
-    /// Whether it ended in coarse time, a little off the optima.
-    pub(crate) is_in_coarse_time: bool,
+    /// In which it ended: that of coarse time is a little off the optima.
+    pub(crate) time: Time,
     /// Monitor runs that each further descent may take.
     share: u64,
 }
@@ -52,17 +69,14 @@ impl Search {
             evaluations: evaluations + optima.iter().map(|optimum| optimum.spent).sum::<u64>(),
             cut: cut || optima.iter().any(|optimum| optimum.cut),
             optima,
-            is_in_coarse_time: false,
+            time: Time::Fine,
             share,
         }
     }
 
-    /// The same of a search in coarse time.
-    pub(crate) fn in_coarse_time(self) -> Self {
-        Self {
-            is_in_coarse_time: true,
-            ..self
-        }
+    /// The same of a search in another time than the fine one.
+    pub(crate) fn in_time(self, time: Time) -> Self {
+        Self { time, ..self }
     }
 
     /// The same with at most so many monitor runs for each further descent.
@@ -98,30 +112,36 @@ impl Search {
 /// monitor runs that the whole identification may take.
 ///
 /// The cost stays that of the calibration's weights: it is what says whether the fit is a good one at all.
+#[inline(never)]
 pub(crate) fn conclude(window: &impl InTime, mismatch: &Mismatch, search: Search, budget: u64) -> Estimate {
-    let (search, how) = if search.is_in_coarse_time {
-        (search.resumed(window), Descent::NEARBY)
-    } else {
-        (search, Descent::TO_THE_FLOOR)
+    let (search, how) = match search.time {
+        Time::Coarse => (search.resumed(window), Descent::NEARBY),
+        Time::Both => (search, Descent::NEARBY),
+        Time::Fine => (search, Descent::TO_THE_FLOOR),
     };
     let best = search.best().at;
-    // In fine time: derivatives of coarse time let the mismatch of the monitor move the end by a tenth of its error more.
-    let reweighted = window
-        .with_weights(weights_by_noise(window, mismatch, &best))
-        .in_time(Time::Fine);
+    let reweighted = window.with_weights(weights_by_noise(window, mismatch, &best));
     let refined = refine_one_sided(&reweighted, best, how, search.share);
     let competing = competing_optimum(window, &search.optima);
-    let spent = search.evaluations + refined.spent + 2;
-    let (at, competing, more, other_motor) = match weak_magnet(&reweighted, &refined, search.share) {
-        WeakMagnet::No(more) => (refined.at, competing, more, false),
-        WeakMagnet::Perhaps(other) => (refined.at, competing.or(Some(other.at)), other.spent, false),
-        WeakMagnet::Yes(other) => (other.at, competing, other.spent, true),
+    let spent = search.evaluations + refined.spent + 1;
+    let known = refined.variance.map(|variance| Curvature {
+        cost: refined.cost,
+        variance,
+    });
+    let (at, curvature, competing, more, other_motor) = match weak_magnet(&reweighted, &refined, search.share) {
+        WeakMagnet::No(more) => (refined.at, known, competing, more, false),
+        WeakMagnet::Perhaps(other) => (refined.at, known, competing.or(Some(other.at)), other.spent, false),
+        WeakMagnet::Yes(other) => (other.at, None, competing, other.spent, true),
     };
     let spent = spent + more;
     let left = budget.saturating_sub(spent + RUNS_OF_ASSESSMENT);
-    let estimate = assess(&reweighted, mismatch, at, competing, spent, Some(left));
+    let end = Optimum {
+        at,
+        curvature,
+        competing,
+    };
+    let estimate = assess(&reweighted, window.weights(), mismatch, end, spent, Some(left));
     Estimate {
-        cost: window.mean_cost(&estimate.unknowns),
         cut: search.cut || refined.cut || estimate.cut,
         other_motor,
         ..estimate

@@ -4,7 +4,9 @@ use ema_ga::{Bounds, LmConfig, LmStop, Residuals, levenberg_marquardt};
 use ema_models::{Coordinates, FAULT_COUNT, FaultVector, LOAD_COORDINATE, Scale, UNKNOWN_COUNT, Unknowns};
 use nalgebra::{SMatrix, SVector};
 
+use super::uncertainty::variance;
 use super::window::MonitoredWindow;
+use crate::relations::ByTypeBalance;
 
 /// Loads from which descents start where the load is not measured, in shares of the largest: the gear's losses bend at
 /// zero, so both sides are tried.
@@ -55,6 +57,8 @@ pub(crate) struct Descent {
     cost_tolerance: f64,
     /// The same of a decrease that is expected.
     expected_tolerance: f64,
+    /// The same of a decrease that was expected of a step which raised the cost.
+    rejected_tolerance: f64,
 }
 
 /// Damping of a first step; near the end, where the problem is nearly linear, less.
@@ -68,6 +72,7 @@ impl Descent {
         damping: DAMPING,
         cost_tolerance: 1e-6,
         expected_tolerance: 1e-6,
+        rejected_tolerance: 0.0,
     };
 
     /// Into the next valley, to where another descent starts: most of the cost that is left is of what coarse time or nuisances explain.
@@ -76,6 +81,7 @@ impl Descent {
         damping: DAMPING,
         cost_tolerance: 1e-3,
         expected_tolerance: 1e-3,
+        rejected_tolerance: 0.0,
     };
 
     /// To where another explanation has nearly its cost: what is asked is whether it differs by a few.
@@ -85,25 +91,30 @@ impl Descent {
         ..Self::TO_THE_FLOOR
     };
 
-    /// To a floor nearby. Costs are halves of squares in standard deviations, a few thousand in all.
+    /// To a floor nearby. Costs are halves of squares in standard deviations, a few thousand in all: one sigma is half a unit.
     pub(crate) const NEARBY: Self = Self {
         steps: &[FINE_STEP],
         damping: DAMPING_NEARBY,
-        cost_tolerance: 1e-5,
-        expected_tolerance: 1e-5,
+        cost_tolerance: 1e-4,
+        expected_tolerance: 1e-4,
+        rejected_tolerance: ROUGHNESS,
+    };
+
+    /// Close to a floor: to where another descent starts, with other weights or with nuisances, or to whether there is one at all.
+    pub(crate) const CLOSE_TO_A_FLOOR: Self = Self {
+        steps: &[FINE_STEP],
+        damping: DAMPING,
+        cost_tolerance: 0.03,
+        expected_tolerance: 1e-3,
+        rejected_tolerance: ROUGHNESS,
     };
 }
 
+/// Share of the cost that derivatives of coarse time promise in vain: what they promise less than this may be nothing.
+const ROUGHNESS: f64 = 3e-3;
+
 #[cfg(feature = "std")]
 impl Descent {
-    /// From what the balance of the type says, without nuisances, to where a descent with them starts.
-    pub(crate) const TO_NUISANCES: Self = Self {
-        steps: &[FINE_STEP],
-        damping: 1e-4,
-        cost_tolerance: 1e-3,
-        expected_tolerance: 1e-3,
-    };
-
     /// As far as without nuisances, which lower the cost further and start from there.
     pub(crate) const WITHOUT_NUISANCES: Self = Self {
         cost_tolerance: 1e-6,
@@ -126,6 +137,8 @@ pub(crate) struct LocalOptimum {
     pub(crate) spent: u64,
     /// Whether a budget of monitor runs cut the descent short.
     pub(crate) cut: bool,
+    /// [Variance](super::uncertainty::variance) of each coordinate by the last linearisation, at most one small step away.
+    pub(crate) variance: Option<[f64; UNKNOWN_COUNT]>,
 }
 
 /// Local optima, the best first; of equal ones the one of the earlier start.
@@ -148,6 +161,21 @@ pub(crate) const UNLIMITED: u64 = u64::MAX;
 
 /// Monitor runs of one set of normal equations: the point and one step along each coordinate.
 pub(super) const RUNS_PER_LINEARISATION: u64 = UNKNOWN_COUNT as u64 + 1;
+
+/// Where a descent starts by the torque balance of the type.
+pub(crate) fn start_by_balance(window: &impl MonitoredWindow, found: &ByTypeBalance) -> Coordinates {
+    let measured = window.unknowns_with(found.fault);
+    let is_measured = window.conditions().load_torque.is_some();
+    let unknowns = Unknowns {
+        load_torque: if is_measured {
+            measured.load_torque
+        } else {
+            found.load_torque
+        },
+        ..measured
+    };
+    Scale::new(window.params()).coordinates(&unknowns)
+}
 
 /// One descent from each start, one after another, each with `budget` monitor runs at most.
 pub(crate) fn descend_from_each(
@@ -187,6 +215,7 @@ impl Descent {
             at: start,
             spent: 0,
             cut: false,
+            variance: None,
         };
         let whole = constant_box(Coordinates::LOWER, Coordinates::UPPER);
         for &step in self.steps {
@@ -240,6 +269,7 @@ pub(super) fn refine_with_fixed_parameter(
         at: *start,
         spent: 0,
         cut: false,
+        variance: None,
     };
     optimum.at.0[coordinate] = value;
     let within = constant_box(lower, upper);
@@ -276,6 +306,7 @@ impl Descent {
             step_tolerance: 1e-9,
             cost_tolerance: self.cost_tolerance,
             expected_tolerance: self.expected_tolerance,
+            rejected_tolerance: self.rejected_tolerance,
             ..LmConfig::default()
         };
         let found = levenberg_marquardt(&SquaredResiduals { window, step }, bounds, optimum.at.0, &config);
@@ -284,6 +315,7 @@ impl Descent {
         optimum.cut |= limited && matches!(found.stop, LmStop::MaxIterations | LmStop::MaxEvaluations);
         if found.cost < optimum.cost {
             (optimum.cost, optimum.at) = (found.cost, Coordinates(found.genes));
+            optimum.variance = Some(variance(&found.information));
         }
     }
 }
@@ -340,10 +372,8 @@ impl<W: MonitoredWindow> Residuals<UNKNOWN_COUNT> for SquaredResiduals<'_, W> {
         jtj: &mut SMatrix<f64, UNKNOWN_COUNT, UNKNOWN_COUNT>,
         jtr: &mut SVector<f64, UNKNOWN_COUNT>,
     ) -> f64 {
-        let normal = self
-            .window
-            .normal_equations(&Coordinates(*genes), self.step)
-            .with_known_motor_fixed(&self.window.prior().motor);
+        let mut normal = self.window.normal_equations(&Coordinates(*genes), self.step);
+        normal.fix_known_motor(&self.window.prior().motor);
         for p in 0..UNKNOWN_COUNT {
             jtr[p] = normal.jtr[p];
             for q in 0..UNKNOWN_COUNT {
@@ -379,6 +409,7 @@ mod tests {
             at: Coordinates([0.0; UNKNOWN_COUNT]),
             spent,
             cut: false,
+            variance: None,
         };
         let given = [optimum(2.0, 0), optimum(f64::NAN, 1), optimum(1.0, 2), optimum(2.0, 3)];
         let order = best_first(given)

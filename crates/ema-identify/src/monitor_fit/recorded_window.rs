@@ -59,7 +59,7 @@ impl<'a, S: RecordedSample> RecordedWindow<'a, S> {
         });
         let at_rest = (0..rest).map(|n| compared(&frame, samples, n));
         let last_at_rest = last_at_rest.sensed(rest as u64 - 1);
-        let initial = frame.initial_state(&last_at_rest, at_rest.map(|s| [s.i_d, s.i_q]));
+        let initial = frame.initial_state(&last_at_rest, at_rest.map(|s| [s.i_d, s.i_q]), output.backlash());
         (controls <= MAX_CONTROLS).then_some(Self {
             samples,
             frame,
@@ -68,6 +68,11 @@ impl<'a, S: RecordedSample> RecordedWindow<'a, S> {
             controls,
             initial,
         })
+    }
+
+    /// The samples as they were recorded.
+    pub(crate) fn samples(&self) -> &'a [S] {
+        self.samples
     }
 
     /// Number of samples.
@@ -104,28 +109,36 @@ impl<'a, S: RecordedSample> RecordedWindow<'a, S> {
         })
     }
 
-    /// What monitors in numbers of type `R` take from each sample.
-    pub fn drives<R: Real>(&self) -> impl Iterator<Item = SampleDrive<R>> {
+    /// Shows what monitors in numbers of type `R` take from each sample. Nothing is moved: a controller copies slowly.
+    pub fn for_each_drive<R: Real>(&self, mut visit: impl FnMut(&SampleDrive<R>)) {
         let encoder = Encoder::<R>::new(self.output_lsb);
         let mut ahead = self.compared();
-        let mut next = ahead.next();
-        core::iter::from_fn(move || {
-            let now = next?;
-            next = ahead.next();
+        let Some(mut now) = ahead.next() else {
+            return;
+        };
+        let mut drive = SampleDrive {
+            measured: Signals::from_sample(&now).map(R::splat),
+            setpoint: now.setpoint.map(R::splat),
+            counted: [R::zero(); MAX_CONTROLS],
+            theta_m: R::splat(now.theta_m),
+        };
+        loop {
+            let next = ahead.next();
             // The last sample holds.
             let after = next.unwrap_or(now);
-            let mut counted = [R::zero(); MAX_CONTROLS];
-            for (control, slot) in (0..).zip(&mut counted[..self.controls]) {
+            for (control, slot) in (0..).zip(&mut drive.counted[..self.controls]) {
                 let read = output_angle_between(&now, &after, control, self.controls as u32);
                 *slot = encoder.counted_angle(R::splat(read));
             }
-            Some(SampleDrive {
-                measured: Signals::from_sample(&now).map(R::splat),
-                setpoint: now.setpoint.map(R::splat),
-                counted,
-                theta_m: R::splat(after.theta_m),
-            })
-        })
+            drive.measured = Signals::from_sample(&now).map(R::splat);
+            drive.setpoint = now.setpoint.map(R::splat);
+            drive.theta_m = R::splat(after.theta_m);
+            visit(&drive);
+            now = match next {
+                Some(next) => next,
+                None => return,
+            };
+        }
     }
 }
 

@@ -4,14 +4,15 @@
 //! Double precision throughout, because the short steps of the fine differences vanish in single precision.
 
 use ema_models::{
-    ActuatorParams, Calibration, ComparedSample, Conditions, Coordinates, MOTOR_COORDINATES, Monitor, MonitorState,
-    MotorKnowledge, NormalEquations, Prior, ResidualState, SIGNAL_COUNT, Scale, Setpoint, UNKNOWN_COUNT, Unknowns,
-    Weights,
+    ActuatorParams, Calibration, ComparedSample, Conditions, Coordinates, InitialState, MOTOR_COORDINATES, Monitor,
+    MonitorState, MotorKnowledge, NormalEquations, Prior, ResidualState, SIGNAL_COUNT, Scale, Setpoint, UNKNOWN_COUNT,
+    Unknowns, Weights,
 };
 
 use super::coarse_time::{Time, coarse_in_time, periods};
-use super::recorded_window::{MAX_CONTROLS, RecordedSample, RecordedWindow};
+use super::recorded_window::{MAX_CONTROLS, RecordedSample, RecordedWindow, SampleDrive};
 use super::window::{ActuatorKnowledge, InTime, MonitoredWindow, prior};
+use crate::relations::{ByTypeBalance, by_type_balance};
 
 /// A recorded window, and the monitor that it is compared with.
 #[derive(Clone, Copy, Debug)]
@@ -30,8 +31,6 @@ pub struct StreamedWindow<'a, S> {
 enum Steps {
     Fine,
     Coarse,
-    /// It stands: nobody asks for what it would say.
-    None,
 }
 
 /// One monitor at work.
@@ -43,8 +42,9 @@ struct Running {
     residual: ResidualState<f64>,
 }
 
-/// Monitors of one linearisation: the point and one step along each coordinate.
-const POINT_AND_STEPS: usize = UNKNOWN_COUNT + 1;
+/// Coordinates of a window whose motor is known exactly: those of the motor are the last ones.
+const OWN_COUNT: usize = MOTOR_COORDINATES[0];
+const _: () = assert!(MOTOR_COORDINATES[1] == OWN_COUNT + 1 && UNKNOWN_COUNT == OWN_COUNT + 2);
 
 impl<'a, S: RecordedSample> StreamedWindow<'a, S> {
     /// A window of an actuator under some conditions, all signals with the weights of the calibration.
@@ -65,6 +65,12 @@ impl<'a, S: RecordedSample> StreamedWindow<'a, S> {
             prior: prior(params, &conditions, *motor),
             time: Time::Fine,
         }
+    }
+
+    /// What the torque balance of the type says of the window.
+    #[inline(never)]
+    pub(super) fn by_type_balance(&self) -> Option<ByTypeBalance> {
+        by_type_balance(self.params, self.window.samples(), &[], self.window.initial().backlash)
     }
 
     /// Steps of a monitor whose costs and residuals count.
@@ -118,28 +124,42 @@ impl<'a, S: RecordedSample> StreamedWindow<'a, S> {
             *one = start(n);
         }
         let periods = periods(self.params) as usize;
-        for (n, drive) in self.window.drives().enumerate() {
+        let (mut n, mut coarsely, mut residuals) = (0, [0.0; MAX_CONTROLS], [[0.0; SIGNAL_COUNT]; N]);
+        self.window.for_each_drive(|drive| {
             let counted: &[f64] = &drive.counted[..self.window.controls()];
-            let mut coarsely = [0.0; MAX_CONTROLS];
             for (slot, &counted) in coarsely.iter_mut().zip(counted.iter().step_by(periods)) {
                 *slot = counted;
             }
             let coarsely = &coarsely[..counted.len().div_ceil(periods)];
-            let mut residuals = [[0.0; SIGNAL_COUNT]; N];
             for (one, residuals) in running.iter_mut().zip(&mut residuals) {
                 let counted = match one.steps {
                     Steps::Fine => counted,
                     Steps::Coarse => coarsely,
-                    Steps::None => continue,
                 };
                 let earlier = n >= one.residual.span();
-                let output = one.monitor.output(&one.state);
-                *residuals = one.residual.next(&drive.measured, &output, earlier).to_array();
-                one.monitor
-                    .run_sample_period_with(&mut one.state, initial, drive.setpoint, counted, drive.theta_m);
+                *residuals = one.over_sample(drive, initial, counted, earlier);
             }
             visit(&residuals);
-        }
+            n += 1;
+        });
+    }
+}
+
+impl Running {
+    /// Unweighted residuals of a sample; runs to the next one. Not inlined: the monitor's numbers then stay in registers.
+    #[inline(never)]
+    fn over_sample(
+        &mut self,
+        drive: &SampleDrive<f64>,
+        initial: &InitialState,
+        counted: &[f64],
+        earlier: bool,
+    ) -> [f64; SIGNAL_COUNT] {
+        let output = self.monitor.output(&self.state);
+        let residuals = self.residual.next(&drive.measured, &output, earlier).to_array();
+        self.monitor
+            .run_sample_period_with(&mut self.state, initial, drive.setpoint, counted, drive.theta_m);
+        residuals
     }
 }
 
@@ -209,9 +229,12 @@ impl<S: RecordedSample> MonitoredWindow for StreamedWindow<'_, S> {
     }
 
     fn normal_equations(&self, at: &Coordinates, step: f64) -> NormalEquations {
-        match self.time {
-            Time::Fine | Time::Coarse => self.linearised::<POINT_AND_STEPS>(at, step),
-            Time::Both => self.linearised::<{ POINT_AND_STEPS + 1 }>(at, step),
+        let is_motor_known = self.prior.motor.information().is_none();
+        match (self.time, is_motor_known) {
+            (Time::Fine | Time::Coarse, true) => self.linearised::<OWN_COUNT, { OWN_COUNT + 1 }>(at, step),
+            (Time::Both, true) => self.linearised::<OWN_COUNT, { OWN_COUNT + 2 }>(at, step),
+            (Time::Fine | Time::Coarse, false) => self.linearised::<UNKNOWN_COUNT, { UNKNOWN_COUNT + 1 }>(at, step),
+            (Time::Both, false) => self.linearised::<UNKNOWN_COUNT, { UNKNOWN_COUNT + 2 }>(at, step),
         }
     }
 }
@@ -223,39 +246,33 @@ impl<S: RecordedSample> InTime for StreamedWindow<'_, S> {
 }
 
 impl<S: RecordedSample> StreamedWindow<'_, S> {
-    /// Normal equations by the point and one step along each coordinate, and where there is one more monitor, by that in fine time at the
-    /// point: its residuals then count.
+    /// Normal equations of the first `C` coordinates, by the point and one step along each of them, and where there is one more monitor, by
+    /// that in fine time at the point: its residuals then count.
     #[inline(never)]
-    fn linearised<const N: usize>(&self, at: &Coordinates, step: f64) -> NormalEquations {
+    fn linearised<const C: usize, const N: usize>(&self, at: &Coordinates, step: f64) -> NormalEquations {
         let scale = Scale::new(self.params);
         let steps = at.inward_steps(step);
-        let per_step = steps.map(|step| 1.0 / step);
+        let per_step: [f64; C] = core::array::from_fn(|p| 1.0 / steps[p]);
         let weights = self.weights.to_array();
         let mut sums = NormalEquations::default();
-        // Its coordinates are fixed afterwards.
-        let is_motor_known = self.prior.motor.information().is_none();
-        let counting = if N > POINT_AND_STEPS { N - 1 } else { 0 };
+        let counting = if N > C + 1 { N - 1 } else { 0 };
         let stepped = |n: usize| {
             let mut x = *at;
-            if let Some(p) = n.checked_sub(1).filter(|&p| p < UNKNOWN_COUNT) {
+            if let Some(p) = n.checked_sub(1).filter(|&p| p < C) {
                 x.0[p] += steps[p];
             }
-            let steps = match n.checked_sub(1) {
-                Some(p) if is_motor_known && MOTOR_COORDINATES.contains(&p) => Steps::None,
-                _ if self.time == Time::Fine || n == POINT_AND_STEPS => Steps::Fine,
-                _ => Steps::Coarse,
-            };
+            let is_fine = self.time == Time::Fine || n == C + 1;
+            let steps = if is_fine { Steps::Fine } else { Steps::Coarse };
             (scale.unknowns(&x), steps)
         };
         self.run::<N>(stepped, |residuals| {
-            let (along, counted) = (&residuals[1..=UNKNOWN_COUNT], &residuals[counting]);
+            let (along, counted) = (&residuals[1..=C], &residuals[counting]);
             for signal in 0..SIGNAL_COUNT {
                 let weight = weights[signal];
                 let (r, point) = (counted[signal] * weight, residuals[0][signal] * weight);
                 sums.cost += 0.5 * r * r;
-                let slope: [f64; UNKNOWN_COUNT] =
-                    core::array::from_fn(|p| (along[p][signal] * weight - point) * per_step[p]);
-                for p in 0..UNKNOWN_COUNT {
+                let slope: [f64; C] = core::array::from_fn(|p| (along[p][signal] * weight - point) * per_step[p]);
+                for p in 0..C {
                     sums.jtr[p] += slope[p] * r;
                     for q in 0..=p {
                         sums.jtj[p][q] += slope[p] * slope[q];
@@ -263,7 +280,7 @@ impl<S: RecordedSample> StreamedWindow<'_, S> {
                 }
             }
         });
-        for p in 0..UNKNOWN_COUNT {
+        for p in 0..C {
             for q in 0..p {
                 sums.jtj[q][p] = sums.jtj[p][q];
             }

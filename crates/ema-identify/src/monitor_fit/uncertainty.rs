@@ -1,7 +1,7 @@
 //! How uncertain each parameter of an optimum is, and what the window does not show at all.
 
 use crate::estimate::OBSERVABLE_SIGMA;
-use ema_models::{Coordinates, FAULT_COUNT, NormalEquations, Scale, UNKNOWN_COUNT};
+use ema_models::{Coordinates, FAULT_COUNT, SIGNAL_COUNT, Scale, UNKNOWN_COUNT, Weights};
 use nalgebra::SMatrix;
 
 use super::competing_optima::differ;
@@ -15,24 +15,46 @@ use crate::estimate::Estimate;
 /// Monitor runs after the search: those of the last weighing and of [`assess`] without its friction bound.
 pub(crate) const RUNS_OF_ASSESSMENT: u64 = RUNS_PER_LINEARISATION + 3;
 
+/// Where a search ended.
+pub(crate) struct Optimum {
+    pub(crate) at: Coordinates,
+    /// Where the last descent has computed it; else it is computed.
+    pub(crate) curvature: Option<Curvature>,
+    /// Another one that explains the window as well.
+    pub(crate) competing: Option<Coordinates>,
+}
+
+#[cfg(feature = "std")]
+impl Optimum {
+    /// The end of a search that knows no other.
+    pub(crate) fn uncompared(at: Coordinates) -> Self {
+        Self {
+            at,
+            curvature: None,
+            competing: None,
+        }
+    }
+}
+
 /// The estimate of an optimum: what it says, and how uncertain it is. Each parameter is at least as uncertain as the
-/// competing optimum is far.
+/// competing optimum is far. Its cost is by the weights `of_cost`.
 ///
 /// `runs_left` are the monitor runs left for the bound on friction; `None` for a search that does not end in an optimum,
 /// whose curvature has to do.
 pub(crate) fn assess(
     window: &impl MonitoredWindow,
+    of_cost: &Weights,
     mismatch: &Mismatch,
-    at: Coordinates,
-    competing: Option<Coordinates>,
+    end: Optimum,
     evaluations: u64,
     runs_left: Option<u64>,
 ) -> Estimate {
     let scale = Scale::new(window.params());
-    let unknowns = scale.unknowns(&at);
+    let unknowns = scale.unknowns(&end.at);
     // The point may lie outside the disc of eccentricities; what is assessed is what is reported.
     let at = scale.coordinates(&unknowns);
-    let curvature = Curvature::at(window, &at);
+    let runs = end.curvature.as_ref().map_or(RUNS_PER_LINEARISATION, |_| 0);
+    let curvature = end.curvature.unwrap_or_else(|| Curvature::at(window, &at));
     let fault = unknowns.fault;
     let (squares, count) = window.squared_residuals(&unknowns);
     let n = (count as f64).max(1.0);
@@ -45,7 +67,9 @@ pub(crate) fn assess(
     by_data[0] = bound.as_ref().map_or(by_data[0], |bound| bound.sigma);
     let alone: [f64; FAULT_COUNT] = core::array::from_fn(|p| hypot(by_data[p], mismatch.model_sigma[p]));
     // A parameter that is not observable is open without a competing optimum.
-    let competing = competing.filter(|other| differ(other, &at, |p| alone[p] <= OBSERVABLE_SIGMA));
+    let competing = end
+        .competing
+        .filter(|other| differ(other, &at, |p| alone[p] <= OBSERVABLE_SIGMA));
     let total: [f64; FAULT_COUNT] =
         core::array::from_fn(|p| hypot(alone[p], competing.map_or(0.0, |other| other.0[p] - at.0[p])));
     let (sigma, observable) = reported(fault.eccentricity, &total, &total);
@@ -54,9 +78,9 @@ pub(crate) fn assess(
         unknowns,
         sigma,
         observable,
-        cost: curvature.cost / n,
+        cost: mean_cost(of_cost, &squares, window.sample_count()),
         residual_rms_a: libm::sqrt(squares[QUADRATURE_CURRENT] / n),
-        evaluations: evaluations + RUNS_PER_LINEARISATION + 1 + bound.as_ref().map_or(0, |bound| bound.spent),
+        evaluations: evaluations + runs + 1 + bound.as_ref().map_or(0, |bound| bound.spent),
         cut: bound.is_some_and(|bound| bound.cut),
         competing_optimum: competing.map(|other| scale.unknowns(&other).fault),
         share: [0.0; FAULT_COUNT],
@@ -116,28 +140,40 @@ pub fn cramer_rao_bound(window: &impl MonitoredWindow, at: &Coordinates) -> [f64
     Curvature::at(window, at).variance.map(libm::sqrt)
 }
 
+/// Mean over the samples of half the squared weighted residuals.
+fn mean_cost(weights: &Weights, squares: &[f64; SIGNAL_COUNT], samples: usize) -> f64 {
+    let weighted = weights
+        .to_array()
+        .into_iter()
+        .zip(squares)
+        .map(|(weight, square)| weight * weight * square);
+    weighted.sum::<f64>() * (0.5 / samples.max(1) as f64)
+}
+
 /// Cost at a point, and what its curvature says of the coordinates.
-struct Curvature {
-    cost: f64,
-    /// Diagonal of `(JᵀJ)⁻¹`; infinite where the data say nothing.
-    variance: [f64; UNKNOWN_COUNT],
+#[derive(Clone, Copy)]
+pub(crate) struct Curvature {
+    pub(super) cost: f64,
+    /// Of each coordinate.
+    pub(super) variance: [f64; UNKNOWN_COUNT],
 }
 
 impl Curvature {
     #[inline(never)]
     fn at(window: &impl MonitoredWindow, at: &Coordinates) -> Self {
-        let normal = window
-            .normal_equations(at, FINE_STEP)
-            .with_known_motor_fixed(&window.prior().motor);
+        let mut normal = window.normal_equations(at, FINE_STEP);
+        normal.fix_known_motor(&window.prior().motor);
         Self {
             cost: normal.cost,
-            variance: variance(&normal),
+            variance: variance(&SMatrix::from_fn(|r, c| normal.jtj[r][c])),
         }
     }
 }
 
-fn variance(normal: &NormalEquations) -> [f64; UNKNOWN_COUNT] {
-    let mut matrix = SMatrix::<f64, UNKNOWN_COUNT, UNKNOWN_COUNT>::from_fn(|r, c| normal.jtj[r][c]);
+/// Diagonal of `(JᵀJ)⁻¹`; infinite where the data say nothing.
+#[inline(never)]
+pub(super) fn variance(information: &SMatrix<f64, UNKNOWN_COUNT, UNKNOWN_COUNT>) -> [f64; UNKNOWN_COUNT] {
+    let mut matrix = *information;
     for p in 0..UNKNOWN_COUNT {
         // A coordinate without influence gets a vanishing information, so that the others can be inverted.
         matrix[(p, p)] += 1e-9;

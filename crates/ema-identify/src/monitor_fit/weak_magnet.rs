@@ -38,7 +38,7 @@ pub(super) fn weak_magnet(window: &impl MonitoredWindow, optimum: &LocalOptimum,
         *phase -= common;
     }
     start[MOTOR_COORDINATES[1]] -= common;
-    let found = Descent::TO_COMPARE.descend(&open, Coordinates(start), budget);
+    let found = Descent::CLOSE_TO_A_FLOOR.descend(&open, Coordinates(start), budget);
     let before = open.cost(&optimum.at);
     let allowed = undecided_difference(&open, found.cost.min(before));
     let different = differ(&found.at, &optimum.at, |_| true);

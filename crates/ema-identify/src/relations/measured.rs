@@ -3,7 +3,7 @@
 use core::f64::consts::TAU;
 use core::ops::Range;
 
-use ema_models::{ActuatorParams, MotorParams, Real, SensedSample, Setpoint, temperature_factors};
+use ema_models::{ActuatorParams, MotorParams, Real, SensedSample, Setpoint, number_of_counts, temperature_factors};
 
 use super::gear_loss::GearLossSigma;
 #[cfg(feature = "std")]
@@ -222,14 +222,15 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
         let [first, two_before, before, now, after, two_after] =
             [0, n - 2, n - 1, n, n + 1, n + 2].map(|n| self.sensed(n));
         let per_turn = sensors.motor_counts_per_rev as i64;
-        let angle_in_turn = (now.motor_counts.rem_euclid(per_turn) as f64 + 0.5) * TAU / sensors.motor_counts_per_rev;
+        let angle_in_turn =
+            (number_of_counts(remainder(now.motor_counts, per_turn)) + 0.5) * TAU / sensors.motor_counts_per_rev;
         let turned = after.motor_counts + two_after.motor_counts - before.motor_counts - two_before.motor_counts;
         Quantities {
             i: now.currents,
             di: core::array::from_fn(|j| 0.5 * (after.currents[j] - before.currents[j]) * rate),
-            theta_m: (now.motor_counts - first.motor_counts) as f64 * motor_lsb,
+            theta_m: number_of_counts(now.motor_counts - first.motor_counts) * motor_lsb,
             angle_in_turn,
-            omega_m: turned as f64 * motor_lsb * rate / 6.0,
+            omega_m: number_of_counts(turned) * motor_lsb * rate / 6.0,
             travel: self.travelled(n),
             reference_step: 0.5
                 * (self.reference_step(two_before.setpoint, before.setpoint)
@@ -274,20 +275,20 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
     pub(super) fn central_speed(&self, n: usize) -> f64 {
         let sensors = &self.params.sensors;
         let turned = self.sensed(n + 1).motor_counts - self.sensed(n - 1).motor_counts;
-        0.5 * turned as f64 * sensors.motor_lsb() * sensors.sample_rate
+        0.5 * number_of_counts(turned) * sensors.motor_lsb() * sensors.sample_rate
     }
 
     /// Output angle since the first sample, rad.
     pub(super) fn travelled(&self, n: usize) -> f64 {
-        (self.sensed(n).output_counts - self.sensed(0).output_counts) as f64 * self.params.sensors.output_lsb()
+        number_of_counts(self.sensed(n).output_counts - self.sensed(0).output_counts) * self.params.sensors.output_lsb()
     }
 
     /// Output angle less the motor angle at the output, both since the first sample, rad.
     pub(super) fn behind_gear(&self, n: usize) -> f64 {
         let (sensors, gear_ratio) = (&self.params.sensors, self.params.transmission.gear_ratio);
         let (first, now) = (self.sensed(0), self.sensed(n));
-        (now.output_counts - first.output_counts) as f64 * sensors.output_lsb()
-            - (now.motor_counts - first.motor_counts) as f64 * sensors.motor_lsb() / gear_ratio
+        number_of_counts(now.output_counts - first.output_counts) * sensors.output_lsb()
+            - number_of_counts(now.motor_counts - first.motor_counts) * sensors.motor_lsb() / gear_ratio
     }
 
     /// Smallest and largest output angle since the first sample, rad.
@@ -299,14 +300,14 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
             self.sensed(0).output_counts
         };
         (0..self.len()).fold(0.0..0.0, |range, n| {
-            let travel = (self.sensed(n).output_counts - first) as f64 * lsb;
+            let travel = number_of_counts(self.sensed(n).output_counts - first) * lsb;
             range.start.min(travel)..range.end.max(travel)
         })
     }
 
     /// Control deviation `θ_cmd − θ_out` as the controller counts it, rad; `None` outside position mode.
     pub(super) fn position_error(&self, n: usize) -> Option<f64> {
-        let output = self.sensed(n).output_counts as f64 * self.params.sensors.output_lsb();
+        let output = number_of_counts(self.sensed(n).output_counts) * self.params.sensors.output_lsb();
         Some(self.commanded_angle(n)? - output)
     }
 
@@ -316,6 +317,14 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
             Setpoint::Position(angle) => Some(angle),
             Setpoint::Idle | Setpoint::Speed(_) => None,
         }
+    }
+}
+
+/// Counts within one turn: a controller has an instruction for 32 bits only.
+fn remainder(counts: i64, per_turn: i64) -> i64 {
+    match (i32::try_from(counts), i32::try_from(per_turn)) {
+        (Ok(counts), Ok(per_turn)) => i64::from(counts.rem_euclid(per_turn)),
+        _ => counts.rem_euclid(per_turn),
     }
 }
 

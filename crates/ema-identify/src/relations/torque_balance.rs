@@ -216,6 +216,47 @@ pub(super) fn torque_balance<S: RecordedSample>(
     balance
 }
 
+/// Turns, eccentricity, scale of friction and load of a window, without their uncertainty.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FreeCoefficients {
+    /// `N_A, N_B, N_C`.
+    pub(super) turns: [f64; 3],
+    /// `ζ cos φ_e, ζ sin φ_e`.
+    pub(super) eccentricity: [f64; 2],
+    /// Relative to that of the balance; `None` of a motion in one direction, where the load takes its place.
+    pub(super) friction: Option<f64>,
+    /// Load at the output.
+    pub(super) load: OutputLoad,
+}
+
+/// The free coefficients of a window whose turns all carry the current of their phase; `None` where the motion is too short.
+#[inline(never)]
+pub(super) fn free_coefficients<S: RecordedSample>(
+    window: &MeasuredWindow<'_, S>,
+    unit: &BalanceCoefficients,
+) -> Option<FreeCoefficients> {
+    let kernel = unit.kernel(window.params().sensors.sample_rate);
+    let mut noise = SVector::<f64, FREE_COUNT>::zeros();
+    let of_columns = noise_of_columns(current_noise(window), window.motor().k, &kernel);
+    noise.fixed_rows_mut::<5>(0).copy_from_slice(&of_columns);
+    let mut rows = Rows::new(window, unit, &kernel, 1.0);
+    let (solution, load) = rows.explain(&mut NormalEquations::new(), &noise, Turns::Healthy)?;
+    let mut directions = [0; 2];
+    rows.each(|row| {
+        if let Some((row, ..)) = row {
+            directions[usize::from(row.forward)] += 1;
+        }
+    });
+    let turns_both_ways = directions.iter().all(|&rows| rows * kernel.stride >= kernel.span);
+    let x = &solution.x;
+    Some(FreeCoefficients {
+        turns: [x[0], x[1], x[2]],
+        eccentricity: [x[ECCENTRICITY], x[ECCENTRICITY + 1]],
+        friction: turns_both_ways.then_some(x[FRICTION]),
+        load,
+    })
+}
+
 /// Largest bias of the free coefficients by errors of the sampled torque: as much as if the whole residual, but the noise that was
 /// subtracted, were the quadrature current's, whose error stands in the columns of the turns too and draws them towards zero.
 ///

@@ -6,10 +6,10 @@
 
 use ema_models::{ActuatorParams, FaultVector};
 
-use super::elements::Element;
+use super::controller::{LawKnowledge, gain_ratio};
 use super::measured::MeasuredWindow;
 use super::terms::{BalanceShape, TERM_COUNT, Term};
-use super::torque_balance::{BalanceCoefficients, Turns, torque_balance};
+use super::torque_balance::{BalanceCoefficients, free_coefficients};
 use crate::monitor_fit::RecordedSample;
 
 /// Half width of the kernel, s: of jittering samples, too.
@@ -29,24 +29,47 @@ pub(crate) fn by_type_balance<S: RecordedSample>(
     params: &ActuatorParams,
     samples: &[S],
     filled: &[usize],
+    backlash: f64,
 ) -> Option<ByTypeBalance> {
     let window = MeasuredWindow::new(params, samples, filled);
-    let found = torque_balance(&window, &of_type(params), 1.0, None, Turns::Healthy);
-    let value = |element: Element| found.readings.get(element).ok().map(|reading| reading.value);
-    let short = |element: Element| Some((1.0 - value(element)?).clamp(0.0, SHORT_MAX));
-    let healthy = FaultVector::NOMINAL;
-    let (cos, sin) = (value(Element::EccentricityCos)?, value(Element::EccentricitySin)?);
-    let phase = 0.5 * (libm::atan2(sin, cos) / core::f64::consts::PI + 1.0);
+    let gain = gain(&window);
+    let mut found = balance(&window, params)?;
+    found.fault = FaultVector {
+        gain: gain.unwrap_or(found.fault.gain),
+        backlash,
+        ..found.fault
+    };
+    Some(found)
+}
+
+/// Gain by the control law, where the window shows it.
+#[inline(never)]
+fn gain<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> Option<f64> {
+    let known = LawKnowledge {
+        scale: Some(1.0),
+        delay_s: None,
+    };
+    let (ratio, _) = gain_ratio(window, HALF_WIDTH_S, known).ok()?;
+    Some((ratio.value - 0.5).clamp(0.0, 1.0))
+}
+
+/// The faults that the torque balance shows.
+fn balance<S: RecordedSample>(window: &MeasuredWindow<'_, S>, params: &ActuatorParams) -> Option<ByTypeBalance> {
+    let found = free_coefficients(window, &of_type(params))?;
+    let [short_a, short_b, short_c] = found.turns.map(|turns| (1.0 - turns).clamp(0.0, SHORT_MAX));
+    let [cos, sin] = found.eccentricity;
     Some(ByTypeBalance {
         fault: FaultVector {
             // T_d (1 + 2 k1).
-            friction: value(Element::Friction).map_or(0.0, |scale| (0.5 * (scale - 1.0)).clamp(0.0, 1.0)),
-            short_a: short(Element::TurnsA)?,
-            short_b: short(Element::TurnsB)?,
-            short_c: short(Element::TurnsC)?,
+            friction: found
+                .friction
+                .map_or(0.0, |scale| (0.5 * (scale - 1.0)).clamp(0.0, 1.0)),
+            short_a,
+            short_b,
+            short_c,
             eccentricity: libm::hypot(cos, sin).min(ECCENTRICITY_MAX),
-            eccentricity_phase: phase,
-            ..healthy
+            eccentricity_phase: 0.5 * (libm::atan2(sin, cos) / core::f64::consts::PI + 1.0),
+            ..FaultVector::NOMINAL
         },
         load_torque: found.load.constant,
     })
@@ -118,7 +141,7 @@ mod tests {
         let params = ActuatorParams::bench();
         for shorts in [[0.0, 0.0, 0.0], [0.4, 0.0, 0.1], [0.2, 0.6, 0.3]] {
             let samples = swinging(&params, shorts.map(|short| 1.0 - short));
-            let found = by_type_balance(&params, &samples, &[]).unwrap();
+            let found = by_type_balance(&params, &samples, &[], 0.0).unwrap();
             let read = [found.fault.short_a, found.fault.short_b, found.fault.short_c];
             for (read, short) in read.into_iter().zip(shorts) {
                 assert!((read - short).abs() < 0.02, "{found:?}");
@@ -137,6 +160,6 @@ mod tests {
         for sample in &mut samples {
             sample.motor_counts = 0;
         }
-        assert_eq!(by_type_balance(&params, &samples, &[]), None);
+        assert_eq!(by_type_balance(&params, &samples, &[], 0.0), None);
     }
 }

@@ -12,12 +12,13 @@ use ema_models::{
 
 use super::basis::Basis;
 use super::inferred::inferred;
-use super::on_descent::OnDescent;
+use super::on_descent::{Last, OnDescent};
 use super::problem::{DIMENSION, Linearised, NUISANCE_MAX, Point, Problem, Slopes, coordinates};
 use nalgebra::SMatrix;
 
 use crate::calibration::Mismatch;
 use crate::estimate::{Estimate, OBSERVABLE_SIGMA};
+use crate::monitor_fit::coarse_time::Time;
 use crate::monitor_fit::competing_optima::{differ, undecided_difference};
 use crate::monitor_fit::conclusion::Search;
 use crate::monitor_fit::least_squares::constant_box;
@@ -113,10 +114,9 @@ pub(crate) fn conclude_with_tolerances(
 ) -> Estimate {
     let basis = Basis::new(window, tolerances);
     let buffers = RefCell::default();
-    let differentiated = if search.is_in_coarse_time {
-        coarse
-    } else {
-        window.params
+    let differentiated = match search.time {
+        Time::Fine => window.params,
+        Time::Both | Time::Coarse => coarse,
     };
     let problem = Problem::new(*window, differentiated, &basis, tolerances, STEP, &buffers);
     let best = search.best().at;
@@ -129,10 +129,9 @@ pub(crate) fn conclude_with_tolerances(
         (end, slopes)
     };
     let (mut first, mut slopes) = from(point(&best), left / FIRST_SHARE);
-    let other = if search.is_in_coarse_time {
-        without_common_short(&first.at)
-    } else {
-        Some(point(&other_start(window, search)))
+    let other = match search.time {
+        Time::Fine => Some(point(&other_start(window, search))),
+        Time::Both | Time::Coarse => without_common_short(&first.at),
     };
     let mut second = None;
     if let Some((other, nearby)) = other.map(|other| from(other, share)) {
@@ -144,16 +143,25 @@ pub(crate) fn conclude_with_tolerances(
         }
     }
     let reweighted = problem.with_weights(weights_by_noise(&problem, mismatch, &first.at));
-    let refined = descend(&reweighted, first.at, &mut slopes, How::NEARBY, share);
+    let mut refined = descend(&reweighted, first.at, &mut slopes, How::NEARBY, share);
     let undecided = undecided_difference(window, first.cost);
     let (second_spent, second_cut) = second.as_ref().map_or((0, false), |second| (second.spent, second.cut));
     let as_good = second
         .filter(|second| second.cost - first.cost < undecided)
         .map(|second| second.at);
     let (magnet, more) = weak_magnet(&reweighted, &refined, &mut slopes, share);
-    let (at, other_motor) = match &magnet {
-        WeakMagnet::Yes(other) => (*other, true),
-        WeakMagnet::No | WeakMagnet::Perhaps(_) => (refined.at, false),
+    let spent = search.evaluations + first.spent + second_spent + refined.spent + more;
+    let (at, other_motor, linearised) = match &magnet {
+        WeakMagnet::Yes(other) => (*other, true, None),
+        WeakMagnet::No | WeakMagnet::Perhaps(_) => {
+            let last = refined.last.take();
+            let near = last.map(|last| last.moved_to(&refined.at, &reweighted));
+            (refined.at, false, near)
+        }
+    };
+    let (linearised, spent) = match linearised {
+        Some(linearised) => (linearised, spent),
+        None => (reweighted.linearised(&at), spent + RUNS_PER_LINEARISATION),
     };
     let competing = match magnet {
         WeakMagnet::Perhaps(other) => Some(other),
@@ -161,12 +169,11 @@ pub(crate) fn conclude_with_tolerances(
     };
     let cost = problem.mean_cost(&at);
     let misfit = (cost / SYSTEMATIC_COST).max(1.0);
-    let spent = search.evaluations + first.spent + second_spent + refined.spent + more;
     Estimate {
         cost,
         cut: search.cut || first.cut || second_cut || refined.cut,
         other_motor,
-        ..assess(&reweighted, mismatch, &at, competing, misfit, spent)
+        ..assess(&reweighted, &linearised, mismatch, &at, competing, misfit, spent)
     }
 }
 
@@ -277,6 +284,8 @@ struct Descent {
     spent: u64,
     /// Whether the budget of monitor runs cut it short.
     cut: bool,
+    /// Its last linearisation, if it had one.
+    last: Option<Last>,
 }
 
 /// A descent of at most `budget` monitor runs, with the slow slopes of a point `nearby`, which are set at the start where there are none;
@@ -304,6 +313,7 @@ fn descend(problem: &Problem<'_>, start: Point, nearby: &mut Option<Slopes>, how
             cost: problem.cost(&start),
             spent: 1,
             cut: true,
+            last: None,
         };
     }
     let config = LmConfig {
@@ -322,6 +332,7 @@ fn descend(problem: &Problem<'_>, start: Point, nearby: &mut Option<Slopes>, how
         cost: found.cost,
         spent: on_descent.runs(),
         cut: iterations < how.iterations && matches!(found.stop, LmStop::MaxIterations | LmStop::MaxEvaluations),
+        last: on_descent.into_last(),
     }
 }
 
@@ -340,6 +351,7 @@ fn weights_by_noise(problem: &Problem<'_>, mismatch: &Mismatch, at: &Point) -> W
 /// The estimate of a point, and how uncertain it is.
 fn assess(
     problem: &Problem<'_>,
+    linearised: &Linearised,
     mismatch: &Mismatch,
     at: &Point,
     competing: Option<Point>,
@@ -347,13 +359,12 @@ fn assess(
     evaluations: u64,
 ) -> Estimate {
     let window = problem.comparison();
-    let linearised = problem.linearised(at);
     let unknowns = problem.unknowns(at);
     let fault = unknowns.fault;
     let (squares, count) = problem.squared_residuals(at);
     let n = (count as f64).max(1.0);
     let excess = (2.0 * linearised.cost() / (n * window.weighted_signals())).max(1.0);
-    let [by_data, with_nuisances] = sigmas(&linearised, excess).map(|sigma| sigma.map(|sigma| misfit * sigma));
+    let [by_data, with_nuisances] = sigmas(linearised, excess).map(|sigma| sigma.map(|sigma| misfit * sigma));
     let with_model = |sigma: [f64; FAULT_COUNT]| -> [f64; FAULT_COUNT] {
         core::array::from_fn(|p| sigma[p].hypot(mismatch.model_sigma[p]))
     };
@@ -374,7 +385,7 @@ fn assess(
         observable,
         cost: linearised.cost() / n,
         residual_rms_a: libm::sqrt(squares[1] / n),
-        evaluations: evaluations + RUNS_PER_LINEARISATION,
+        evaluations,
         cut: false,
         competing_optimum: competing.map(|other| problem.unknowns(&other).fault),
         share: [0.0; FAULT_COUNT],
@@ -382,7 +393,7 @@ fn assess(
         other_motor: false,
         locked: is_locked(window),
         deviations: at[UNKNOWN_COUNT..].to_vec(),
-        inferred: inferred(problem, &linearised, at, libm::sqrt(excess) * misfit),
+        inferred: inferred(problem, linearised, at, libm::sqrt(excess) * misfit),
     }
 }
 

@@ -16,11 +16,13 @@ use ema_identify::calibration::{Mismatch, SignalTable};
 use ema_identify::relations::{
     BalanceCoefficients, BalanceShape, Baseline, CommissionedRelations, Compliance, HealthyResidual, MeasuredWindow,
 };
-use ema_identify::{ActuatorKnowledge, MonitoredWindow, RecordedWindow, StreamedWindow, identify_from_health};
+use ema_identify::{
+    ActuatorKnowledge, MonitoredWindow, RecordedWindow, SampleDrive, StreamedWindow, identify_recorded,
+};
 use ema_models::Form::ThreePhase;
 use ema_models::{
-    ActuatorParams, Calibration, Conditions, ControllerParams, Coordinates, FaultVector, Monitor, MotorDeviation,
-    MotorKnowledge, MotorParams, Real, Ripple, Scale, SensorParams, TransmissionParams,
+    ActuatorParams, Calibration, Conditions, ControllerParams, Coordinates, FaultVector, InitialState, Monitor,
+    MonitorState, MotorDeviation, MotorKnowledge, MotorParams, Real, Ripple, Scale, SensorParams, TransmissionParams,
 };
 use ema_wire::Mode::{self, Position};
 use firmware_image::{EstimateLines, RelationsLines, StoredSample};
@@ -98,7 +100,7 @@ fn by_monitor(clock: Clock) -> Option<()> {
         if n == 0 {
             measure_parts(clock, case, &window, &streamed)?;
         }
-        let (estimate, counted) = clock.count(|| identify_from_health(&streamed, &case.actuator.mismatch));
+        let (estimate, counted) = clock.count(|| identify_recorded(&streamed, &case.actuator.mismatch));
         hprintln!("{}/identify_instructions {}", case.name, counted);
         let (name, estimate) = (case.name, &estimate);
         hprintln!("{}", EstimateLines { name, estimate });
@@ -169,15 +171,24 @@ fn monitor_instructions<R: Real>(
     let mut state = monitor.start(window.initial(), &window.compared().next()?);
     let (_, nothing) = clock.count(|| ());
     let mut total = 0;
-    for drive in window.drives::<R>() {
+    window.for_each_drive::<R>(|drive| {
         let counted = &drive.counted[..window.controls()];
-        let (_, count) = clock.count(|| {
-            monitor.run_sample_period_with(&mut state, window.initial(), drive.setpoint, counted, drive.theta_m);
-        });
+        let (_, count) = clock.count(|| over_sample(&monitor, &mut state, (window.initial(), counted), drive));
         total += count - nothing;
-    }
+    });
     black_box(monitor.output(&state).theta_m);
     Some(total)
+}
+
+/// The monitor from one sample to the next, in a function of its own as identification runs it.
+#[inline(never)]
+fn over_sample<R: Real>(
+    monitor: &Monitor<R>,
+    state: &mut MonitorState<R>,
+    (initial, counted): (&InitialState, &[R]),
+    drive: &SampleDrive<R>,
+) {
+    monitor.run_sample_period_with(state, initial, drive.setpoint, counted, drive.theta_m);
 }
 
 #[panic_handler]

@@ -34,6 +34,7 @@ mod monitor_fit;
 mod output_zero;
 #[cfg(feature = "std")]
 mod prepared;
+mod recorded_sample;
 pub mod relations;
 #[cfg(feature = "std")]
 pub mod unit_calibration;
@@ -52,10 +53,11 @@ pub use inferred::{Inferred, InferredReadings};
 #[cfg(feature = "std")]
 pub use monitor_fit::Population;
 pub use monitor_fit::{
-    ActuatorKnowledge, InTime, MAX_CONTROLS, MonitoredWindow, RecordedSample, RecordedWindow, SampleDrive,
-    StreamedWindow, Time, cramer_rao_bound, estimator_bias, identify_recorded, refined_from,
+    ActuatorKnowledge, InTime, MAX_CONTROLS, MonitoredWindow, RecordedWindow, SampleDrive, StreamedWindow, Time,
+    cramer_rao_bound, estimator_bias, identify_recorded, refined_from,
 };
 #[cfg(feature = "std")]
 pub use output_zero::output_zero;
 #[cfg(feature = "std")]
 pub use prepared::Prepared;
+pub use recorded_sample::RecordedSample;

@@ -32,6 +32,7 @@ pub(crate) use timed::Timed;
 #[cfg(feature = "std")]
 mod tolerance;
 mod uncertainty;
+mod variance;
 mod weak_magnet;
 mod window;
 
@@ -46,7 +47,7 @@ pub(crate) use least_squares::{
 pub use least_squares::{estimator_bias, refined_from};
 #[cfg(feature = "std")]
 pub use population::Population;
-pub use recorded_window::{MAX_CONTROLS, RecordedSample, RecordedWindow, SampleDrive};
+pub use recorded_window::{MAX_CONTROLS, RecordedWindow, SampleDrive};
 pub use streamed::StreamedWindow;
 #[cfg(feature = "std")]
 pub(crate) use tolerance::{conclude_with_tolerances, residuals_with_tolerances};

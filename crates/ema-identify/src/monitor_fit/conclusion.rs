@@ -8,13 +8,13 @@ use super::least_squares::{
     Descent, LocalOptima, LocalOptimum, Starts, UNLIMITED, descend_from_each, refine_one_sided, start_by_balance,
     starts,
 };
-use super::recorded_window::RecordedSample;
 use super::streamed::StreamedWindow;
 use super::uncertainty::{Curvature, Optimum, RUNS_OF_ASSESSMENT, assess};
 use super::weak_magnet::{WeakMagnet, weak_magnet};
 use super::window::{InTime, MonitoredWindow};
 use crate::calibration::Mismatch;
 use crate::estimate::Estimate;
+use crate::recorded_sample::RecordedSample;
 use crate::relations::ByTypeBalance;
 
 /// Estimates the fault vector of one window by descents: the whole identification of a controller, and on the host the one of

@@ -4,7 +4,7 @@ use ema_ga::{Bounds, LmConfig, LmStop, Residuals, levenberg_marquardt};
 use ema_models::{Coordinates, FAULT_COUNT, FaultVector, LOAD_COORDINATE, Scale, UNKNOWN_COUNT, Unknowns};
 use nalgebra::{SMatrix, SVector};
 
-use super::uncertainty::variance;
+use super::variance::variance;
 use super::window::MonitoredWindow;
 use crate::relations::ByTypeBalance;
 
@@ -137,7 +137,7 @@ pub(crate) struct LocalOptimum {
     pub(crate) spent: u64,
     /// Whether a budget of monitor runs cut the descent short.
     pub(crate) cut: bool,
-    /// [Variance](super::uncertainty::variance) of each coordinate by the last linearisation, at most one small step away.
+    /// [Variance](super::variance::variance) of each coordinate by the last linearisation, at most one small step away.
     pub(crate) variance: Option<[f64; UNKNOWN_COUNT]>,
 }
 

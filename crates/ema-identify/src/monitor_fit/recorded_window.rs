@@ -2,21 +2,11 @@
 //! that a monitor runs over them. Nothing is copied.
 
 use ema_models::{
-    ActuatorParams, AngleReading, ComparedSample, Encoder, InitialState, OutputAngleEstimator, Real, SensedSample,
-    Setpoint, Signals, WindowFrame, output_angle_between,
+    ActuatorParams, AngleReading, ComparedSample, Encoder, InitialState, OutputAngleEstimator, Real, Setpoint, Signals,
+    WindowFrame, output_angle_between,
 };
 
-/// A recorded sample in whatever form its owner keeps it.
-pub trait RecordedSample: Copy {
-    /// The sample in SI units, as the sample number `seq` of its window. Counters do not wrap within a window.
-    fn sensed(&self, seq: u64) -> SensedSample;
-}
-
-impl RecordedSample for SensedSample {
-    fn sensed(&self, seq: u64) -> SensedSample {
-        Self { seq, ..*self }
-    }
-}
+use crate::recorded_sample::RecordedSample;
 
 /// Control periods per sample at most: 400 Hz at 100 µs.
 pub const MAX_CONTROLS: usize = 25;

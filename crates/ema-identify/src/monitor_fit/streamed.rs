@@ -10,8 +10,9 @@ use ema_models::{
 };
 
 use super::coarse_time::{Time, coarse_in_time, periods};
-use super::recorded_window::{MAX_CONTROLS, RecordedSample, RecordedWindow, SampleDrive};
+use super::recorded_window::{MAX_CONTROLS, RecordedWindow, SampleDrive};
 use super::window::{ActuatorKnowledge, InTime, MonitoredWindow, prior};
+use crate::recorded_sample::RecordedSample;
 use crate::relations::{ByTypeBalance, by_type_balance};
 
 /// A recorded window, and the monitor that it is compared with.

@@ -8,6 +8,7 @@ use super::competing_optima::differ;
 use super::friction_bound::friction_bound;
 use super::least_squares::{FINE_STEP, RUNS_PER_LINEARISATION};
 use super::locked::is_locked;
+use super::variance::variance;
 use super::window::MonitoredWindow;
 use crate::calibration::Mismatch;
 use crate::estimate::Estimate;
@@ -167,22 +168,5 @@ impl Curvature {
             cost: normal.cost,
             variance: variance(&SMatrix::from_fn(|r, c| normal.jtj[r][c])),
         }
-    }
-}
-
-/// Diagonal of `(JᵀJ)⁻¹`; infinite where the data say nothing.
-#[inline(never)]
-pub(super) fn variance(information: &SMatrix<f64, UNKNOWN_COUNT, UNKNOWN_COUNT>) -> [f64; UNKNOWN_COUNT] {
-    let mut matrix = *information;
-    for p in 0..UNKNOWN_COUNT {
-        // A coordinate without influence gets a vanishing information, so that the others can be inverted.
-        matrix[(p, p)] += 1e-9;
-    }
-    match matrix.cholesky() {
-        Some(factor) => {
-            let inverse = factor.inverse();
-            core::array::from_fn(|p| inverse[(p, p)])
-        }
-        None => [f64::INFINITY; UNKNOWN_COUNT],
     }
 }

@@ -9,7 +9,7 @@
 use ema_models::{ActuatorParams, Real, abc_from_alpha_beta, alpha_beta_from_dq, dq_from_abc};
 
 use super::measured::{Instant, MeasuredWindow};
-use crate::monitor_fit::RecordedSample;
+use crate::recorded_sample::RecordedSample;
 
 /// Electrical angle from sample to sample at ω_max, rad, from which the products need instants between the samples: they have twice the
 /// frequency, which from π on aliases.

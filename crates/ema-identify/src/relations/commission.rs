@@ -24,7 +24,7 @@ use super::setpoint_delay::setpoint_delay;
 use super::shared::{INERTIA, SHARED_COUNT, Shared, SharedMatrix, coefficients, priors, shared_columns};
 use super::terms::{BalanceRing, BalanceRow, BalanceShape, Term, WindowState, balance_rows};
 use super::torque_balance::{BalanceCoefficients, LOAD_ROUNDS, Turns, torque_balance};
-use crate::monitor_fit::RecordedSample;
+use crate::recorded_sample::RecordedSample;
 
 /// Fewest healthy windows from which coefficients are learnt: one of the five that commissioning needs is left out at a time.
 const MIN_WINDOWS: usize = 4;

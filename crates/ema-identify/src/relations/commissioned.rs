@@ -21,7 +21,7 @@ use super::terms::Term;
 use super::torque_balance::BalanceCoefficients;
 use super::transmission::{REACH_SHARE, REACH_SHARE_BENDING};
 use crate::estimate::{OBSERVABLE_SIGMA, beside, damage_per_change};
-use crate::monitor_fit::RecordedSample;
+use crate::recorded_sample::RecordedSample;
 
 pub(super) use readings::Balance;
 

@@ -21,7 +21,7 @@ use super::normal_equations::{NormalEquations, Solution};
 use super::overlap::Overlap;
 use super::residual::Residual;
 use super::sliding::Sliding;
-use crate::monitor_fit::RecordedSample;
+use crate::recorded_sample::RecordedSample;
 
 /// Largest speed reference at the nominal gain, as a share of ω_max: with the largest gain factor of 1.5 it stays below the
 /// limit.

@@ -8,7 +8,7 @@ use ema_models::dq_from_abc;
 
 use super::kernel::Kernel;
 use super::measured::MeasuredWindow;
-use crate::monitor_fit::RecordedSample;
+use crate::recorded_sample::RecordedSample;
 
 /// `−E ln x²` of a standard normal x: Euler's constant plus ln 2.
 const LOG_OF_SQUARE: f64 = 1.270_362_845_461_478;

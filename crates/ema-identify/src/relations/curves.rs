@@ -16,7 +16,7 @@ use super::shared::place_of;
 use super::sliding::Sliding;
 use super::terms::{BalanceRing, TERM_COUNT, Term, WindowState, balance_rows};
 use super::transmission::pushed;
-use crate::monitor_fit::RecordedSample;
+use crate::recorded_sample::RecordedSample;
 
 /// Both sides of a relation at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -3,7 +3,7 @@
 use super::measured::MeasuredWindow;
 use super::output_load::OutputLoad;
 use super::terms::MOVING;
-use crate::monitor_fit::RecordedSample;
+use crate::recorded_sample::RecordedSample;
 
 /// Motion that shows a flank though a load holds the output in other places, in healthy widths b₀: a play worn by a tenth is as wide.
 const SHOWN_WIDTHS: f64 = 10.0;

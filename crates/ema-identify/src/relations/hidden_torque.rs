@@ -8,7 +8,7 @@ use ema_models::dq_from_abc;
 
 use super::between_samples::instants;
 use super::measured::MeasuredWindow;
-use crate::monitor_fit::RecordedSample;
+use crate::recorded_sample::RecordedSample;
 
 /// Standard deviation of the part of an interval for which the step of a set point acts unseen.
 const UNSEEN_PART: f64 = 0.5;

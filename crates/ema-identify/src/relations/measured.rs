@@ -8,7 +8,7 @@ use ema_models::{ActuatorParams, MotorParams, Real, SensedSample, Setpoint, numb
 use super::gear_loss::GearLossSigma;
 #[cfg(feature = "std")]
 use super::noise_change::NoiseChange;
-use crate::monitor_fit::RecordedSample;
+use crate::recorded_sample::RecordedSample;
 
 /// A window of consecutive samples, its counters on one wrap.
 #[derive(Debug)]

@@ -15,7 +15,7 @@ use super::kernel::Kernel;
 use super::measured::MeasuredWindow;
 use super::noise_change::{MeasurementNoise, NoiseChange};
 use super::terms::MOVING;
-use crate::monitor_fit::RecordedSample;
+use crate::recorded_sample::RecordedSample;
 
 /// Orders of the differences, and the highest one.
 const ORDERS: [usize; 3] = [2, 4, 6];

@@ -13,7 +13,7 @@ use super::elements::Reading;
 use super::kernel::{HALF_WIDTHS_S, Kernel, MAX_HALF_WIDTH};
 use super::measured::MeasuredWindow;
 use super::overlap::Overlap;
-use crate::monitor_fit::RecordedSample;
+use crate::recorded_sample::RecordedSample;
 
 /// What a window shows of the time of its set point.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -18,7 +18,7 @@ use ema_models::{MotorParams, abc_from_alpha_beta, alpha_beta_from_dq, dq_from_a
 
 use super::between_samples::{Interval, instants};
 use super::measured::MeasuredWindow;
-use crate::monitor_fit::RecordedSample;
+use crate::recorded_sample::RecordedSample;
 
 /// c' of a usual short: coupling 0.8 to 0.98, σ about a quarter.
 const COUPLING: f64 = 0.92;

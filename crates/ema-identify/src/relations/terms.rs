@@ -14,7 +14,7 @@ use super::measured::{Instant, MeasuredWindow, Quantities};
 use super::output_load::OutputLoad;
 use super::shorted_loop::LoopTorque;
 use super::sliding::Sliding;
-use crate::monitor_fit::RecordedSample;
+use crate::recorded_sample::RecordedSample;
 
 /// A term of the torque balance; its coefficient has the stated unit, coefficient times term is a torque, Nm.
 ///

@@ -24,7 +24,7 @@ use super::overlap::Overlap;
 use super::shared::{SHARED_COUNT, Shared, free_of_shared, is_free, is_worn, shared_columns, spread};
 use super::shorted_loop::{LoopTorque, ShortedLoop};
 use super::terms::{BalanceRing, BalanceRow, BalanceShape, TERM_COUNT, Term, WindowState, balance_rows};
-use crate::monitor_fit::RecordedSample;
+use crate::recorded_sample::RecordedSample;
 
 /// Coefficients of the torque balance that all windows of one unit share, in the order of [`Term`].
 ///

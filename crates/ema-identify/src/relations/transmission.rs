@@ -13,7 +13,7 @@ use super::flanks::Flanks;
 use super::kernel::{HALF_WIDTHS_S, Kernel};
 use super::measured::MeasuredWindow;
 use super::residual::{HealthyResidual, Residual};
-use crate::monitor_fit::RecordedSample;
+use crate::recorded_sample::RecordedSample;
 
 /// Largest width of the search, in healthy widths b₀; the worst fault is 100.
 const MAX_WIDTHS: f64 = 120.0;

@@ -10,7 +10,7 @@ use super::controller::{LawKnowledge, gain_ratio};
 use super::measured::MeasuredWindow;
 use super::terms::{BalanceShape, TERM_COUNT, Term};
 use super::torque_balance::{BalanceCoefficients, free_coefficients};
-use crate::monitor_fit::RecordedSample;
+use crate::recorded_sample::RecordedSample;
 
 /// Half width of the kernel, s: of jittering samples, too.
 const HALF_WIDTH_S: f64 = 6e-3;

@@ -30,7 +30,12 @@ impl Last {
     /// The linearised problem at a point nearby, with the derivatives of the last one.
     pub(super) fn moved_to(self, at: &Point, problem: &Problem<'_>) -> Linearised {
         let mut linearised = self.linearised;
-        if self.at != *at {
+        let moved = self
+            .at
+            .iter()
+            .zip(at)
+            .any(|(before, now)| before.to_bits() != now.to_bits());
+        if moved {
             problem.set_residuals(&mut linearised, at);
         }
         linearised

@@ -1,7 +1,7 @@
 //! What the relations of a commissioned unit read off one window: each element, and its torque balance.
 
 use super::{CommissionedRelations, PLAY_RESIDUAL};
-use crate::monitor_fit::RecordedSample;
+use crate::recorded_sample::RecordedSample;
 use crate::relations::baseline::Baseline;
 #[cfg(feature = "std")]
 use crate::relations::compliance::Compliance;

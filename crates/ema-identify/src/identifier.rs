@@ -1,17 +1,18 @@
 //! Identification on the host: one window, an optional population search, descents side by side, one estimate.
 
+mod fit;
 mod method;
 mod near_balance;
 
+pub use fit::Fit;
 pub use method::Method;
 
 use core::cell::RefCell;
-use std::vec::Vec;
 
 use ema_ga::{ConfigError, Control, GenerationLog, Outcome, StopReason};
 use ema_models::{
     ActuatorParams, Calibration, Comparison, Conditions, Coordinates, FAULT_COUNT, FaultVector, Feedback,
-    MotorKnowledge, SIGNAL_COUNT, Scale, Signals, Tolerances, Weights,
+    MotorKnowledge, SIGNAL_COUNT, Scale, Tolerances, Weights,
 };
 
 use crate::calibration::TypeCalibration;
@@ -20,7 +21,7 @@ use crate::estimate::Estimate;
 use crate::monitor_fit::{
     Descent, InTime, LocalOptimum, MAX_STARTS, Optimum, RUNS_OF_ASSESSMENT, RUNS_OF_DESCENT, RUNS_OF_STEP, Search,
     Starts, Time, Timed, UNLIMITED, assess, best_first, coarse_in_time, conclude, conclude_with_tolerances,
-    descend_side_by_side, is_locked, prior, residuals_with_tolerances, starts,
+    descend_side_by_side, is_locked, prior, starts,
 };
 use crate::prepared::Prepared;
 
@@ -59,25 +60,6 @@ const EXPLAINED_WITH_TOLERANCES: f64 = 3.0;
 /// Least short that is one. All three phases shorted look like a weak magnet: both optima are needed for an honest sigma, and descents
 /// from health find but one.
 const ANY_SHORT: f64 = 0.02;
-
-/// One window's fit, sample by sample, for records and plots.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Fit {
-    /// Place of each sample of the curves in the window: those that were measured.
-    pub samples: Vec<usize>,
-    /// Measured quadrature current, A.
-    pub i_q_measured: Vec<f32>,
-    /// The monitor's, A.
-    pub i_q_fitted: Vec<f32>,
-    /// Measured motor speed, rad/s.
-    pub omega_measured: Vec<f32>,
-    /// The monitor's, rad/s.
-    pub omega_fitted: Vec<f32>,
-    /// Measured output angle relative to the window's first, rad.
-    pub theta_out_measured: Vec<f32>,
-    /// The monitor's, rad.
-    pub theta_out_fitted: Vec<f32>,
-}
 
 impl Identifier {
     /// Estimates the fault vector of one window.
@@ -432,44 +414,6 @@ impl Identifier {
             Method::Hybrid(population) => population.budget().unwrap_or(UNLIMITED),
             Method::LeastSquares | Method::Eq14(_) | Method::Population(_) => UNLIMITED,
         }
-    }
-
-    /// Calls `visit` with index and unweighted residuals of each measured sample for an estimate.
-    pub fn residuals(
-        &self,
-        window: &Prepared,
-        conditions: Conditions,
-        estimate: &Estimate,
-        visit: impl FnMut(usize, Signals<f64>),
-    ) {
-        let coefficients = self.calibration.coefficients();
-        self.residuals_of(&self.comparison(window, &coefficients, conditions), estimate, visit);
-    }
-
-    fn residuals_of(&self, comparison: &Comparison<'_>, estimate: &Estimate, visit: impl FnMut(usize, Signals<f64>)) {
-        if estimate.deviations.is_empty() {
-            comparison.residuals(&estimate.unknowns, visit);
-        } else {
-            residuals_with_tolerances(comparison, &self.tolerances, estimate, visit);
-        }
-    }
-
-    /// The fit of an estimate to a window.
-    #[must_use]
-    pub fn fit(&self, window: &Prepared, conditions: Conditions, estimate: &Estimate) -> Fit {
-        let samples = window.recording().samples;
-        let mut fit = Fit::default();
-        self.residuals(window, conditions, estimate, |n, r| {
-            let sample = &samples[n];
-            fit.samples.push(n);
-            fit.i_q_measured.push(sample.i_q as f32);
-            fit.i_q_fitted.push((sample.i_q - r.i_q) as f32);
-            fit.omega_measured.push(sample.omega_m as f32);
-            fit.omega_fitted.push((sample.omega_m - r.omega_m) as f32);
-            fit.theta_out_measured.push(sample.theta_out as f32);
-            fit.theta_out_fitted.push((sample.theta_out - r.theta_out) as f32);
-        });
-        fit
     }
 }
 

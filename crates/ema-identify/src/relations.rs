@@ -20,6 +20,7 @@
 //! A compliant transmission is a part of the kernel (`compliance`), found in commissioning (`compliance_search`). Measured accuracy and what
 //! is left out: `docs/design/relations.md`.
 
+mod balance_coefficients;
 mod baseline;
 mod between_samples;
 mod change;
@@ -35,6 +36,7 @@ mod current_noise;
 mod curves;
 mod elements;
 mod flanks;
+mod free_coefficients;
 mod gear_loss;
 mod hidden_torque;
 mod jackknife;
@@ -57,6 +59,7 @@ mod torque_balance;
 mod transmission;
 mod type_balance;
 
+pub use balance_coefficients::BalanceCoefficients;
 pub use baseline::Baseline;
 pub use between_samples::{coarse_torque_error, is_coarsely_sampled};
 #[cfg(feature = "std")]
@@ -77,5 +80,4 @@ pub use setpoint_delay::{SetpointDelay, setpoint_delay};
 pub use shared::FRICTION_MIN_SHARE;
 pub use shared::SHARED_COUNT;
 pub use terms::{BalanceShape, TERM_COUNT, Term};
-pub use torque_balance::BalanceCoefficients;
 pub(crate) use type_balance::{ByTypeBalance, by_type_balance};

@@ -3,7 +3,8 @@
 //!
 //! `cargo run --release -p hmd-lab --example search_windows -- [KEY=VALUE]…`. Keys: `actuator`, `rate` (Hz), `n`, `seed`; `unit`: `exact`
 //! (the type, load measured), `noisy` (the motor of the suite `noise`) or `catalogue` (imperfections of the suite `robust`);
-//! `method`: `hybrid` or `least-squares`, that of a controller; `tolerances`: `none` or `usual`; `profile`: `mixed` or `any`; `faults`: `random` (those of the suite) or `hard` (up to 1, several at once).
+//! `method`: `hybrid` or `least-squares`, that of a controller; `tolerances`: `none` or `usual`; `profile`: `mixed` or `any`; `faults`:
+//! `random` (those of the suite) or `hard` (up to 1, several at once).
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -163,7 +164,7 @@ fn line(asked: &Asked, number: u64) -> Result<Value, Failed> {
     let systematic = sum / f64::from(count.max(1));
     Ok(json!({
         "number": number, "entry": entry, "profile": format!("{profile:?}"), "truth": fault.to_array(), "k": found.fault.to_array(),
-        "sigma": found.sigma, "unmodelled": found.is_unmodelled(), "load": found.unknowns.load_torque, "cost": found.cost, "systematic": systematic,
+        "sigma": found.sigma, "load": found.unknowns.load_torque, "cost": found.cost, "systematic": systematic, "unmodelled": found.is_unmodelled(),
         "rss_pct": rss_pct(&found.fault, &fault), "evaluations": found.evaluations, "ambiguous": found.competing_optimum.is_some(),
         "locked": found.locked, "ms": ms, "search": phases.search, "conclusion": phases.conclusion, "searches": phases.searches,
     }))

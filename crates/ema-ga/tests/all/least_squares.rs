@@ -60,6 +60,43 @@ fn a_step_within_the_cost_tolerance_ends_the_search() {
     assert!(found.evaluations >= 2 && found.cost < Misra1a.cost(&[250.0, 0.0005]) && found.cost > whole.cost);
 }
 
+/// The slope is foretold with the wrong sign, so that every step is rejected.
+struct WrongSlope;
+
+impl Residuals<1> for WrongSlope {
+    fn normal_equations(&self, x: &[f64; 1], jtj: &mut SMatrix<f64, 1, 1>, jtr: &mut SVector<f64, 1>) -> f64 {
+        (jtj[(0, 0)], jtr[0]) = (1.0, 0.1);
+        self.cost(x)
+    }
+
+    fn cost(&self, x: &[f64; 1]) -> f64 {
+        2.0 - x[0]
+    }
+}
+
+#[test]
+fn a_rejected_step_of_little_promise_ends_the_search() {
+    let bounds = Bounds::new([-1.0], [1.0]).unwrap();
+    let ended = |rejected_tolerance| {
+        let config = LmConfig {
+            rejected_tolerance,
+            ..LmConfig::default()
+        };
+        levenberg_marquardt(&WrongSlope, &bounds, [0.0], &config)
+    };
+    // A step of 0.1 promises 0.005 of a cost of 2.
+    let little = ended(0.003);
+    assert_eq!(
+        (little.stop, little.iterations, little.evaluations),
+        (LmStop::Cost, 1, 2)
+    );
+    assert_eq!((little.genes, little.information[(0, 0)]), ([0.0], 1.0));
+    for more in [0.0, 1e-12] {
+        let found = ended(more);
+        assert!(found.evaluations > 5 && found.genes == [0.0], "{found:?}");
+    }
+}
+
 #[test]
 fn a_step_of_which_little_is_expected_is_not_tried() {
     let bounds = Bounds::new([0.0, 0.0], [1000.0, 0.01]).unwrap();

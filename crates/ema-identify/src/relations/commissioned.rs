@@ -6,6 +6,7 @@ use core::f64::consts::{PI, TAU};
 
 use ema_models::{FAULT_COUNT, FaultVector};
 
+use super::balance_coefficients::BalanceCoefficients;
 use super::baseline::Baseline;
 use super::between_samples::coarse_torque_error;
 use super::change::{ModelError, change, healthy, needed_for};
@@ -18,7 +19,6 @@ use super::residual::{HealthyResidual, RELATION_COUNT, Relation};
 use super::shared::SHARED_COUNT;
 use super::shorted_loop::ShortedShare;
 use super::terms::Term;
-use super::torque_balance::BalanceCoefficients;
 use super::transmission::{REACH_SHARE, REACH_SHARE_BENDING};
 use crate::estimate::{OBSERVABLE_SIGMA, beside, damage_per_change};
 use crate::recorded_sample::RecordedSample;

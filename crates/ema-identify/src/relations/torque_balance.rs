@@ -11,8 +11,12 @@
 
 use nalgebra::{SMatrix, SVector};
 
+use super::balance_coefficients::BalanceCoefficients;
 use super::current_noise::{current_noise, noise_of_columns};
 use super::elements::{Element, ElementReadings, Needed, Reading};
+use super::free_coefficients::{
+    ECCENTRICITY, FREE_COUNT, FRICTION, LOAD, attenuation, covariance_by_shared, error_of_shared,
+};
 use super::jackknife::Jackknife;
 use super::kernel::Kernel;
 use super::measured::MeasuredWindow;
@@ -21,54 +25,10 @@ use super::measurement_noise::{NoiseGains, NoiseRise};
 use super::normal_equations::{NormalEquations, Solution};
 use super::output_load::OutputLoad;
 use super::overlap::Overlap;
-use super::shared::{SHARED_COUNT, Shared, free_of_shared, is_free, is_worn, shared_columns, spread};
+use super::shared::{SHARED_COUNT, shared_columns, spread};
 use super::shorted_loop::{LoopTorque, ShortedLoop};
-use super::terms::{BalanceRing, BalanceRow, BalanceShape, TERM_COUNT, Term, WindowState, balance_rows};
+use super::terms::{BalanceRing, BalanceRow, Term, WindowState, balance_rows};
 use crate::recorded_sample::RecordedSample;
-
-/// Coefficients of the torque balance that all windows of one unit share, in the order of [`Term`].
-///
-/// The balance has no absolute scale of torque: `N_A + N_B + N_C = 3`, and J, T_d, C are relative to the type's k. Load and
-/// spring are zero, because each window has its own.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "std", derive(serde::Serialize, serde::Deserialize))]
-pub struct BalanceCoefficients {
-    /// The coefficients.
-    pub values: [f64; TERM_COUNT],
-    /// Constants of the terms.
-    pub shape: BalanceShape,
-    /// Root-mean-square residual of the windows from which they were learnt, Nm.
-    pub residual_rms: f64,
-    /// Half width of the kernel, s.
-    pub half_width_s: f64,
-    /// Whether the errors of the rows are those of the motor angle, as jittering sample instants make them, instead of torques.
-    pub angle_errors: bool,
-}
-
-impl BalanceCoefficients {
-    /// Coefficient of a term.
-    #[must_use]
-    pub fn of(&self, term: Term) -> f64 {
-        self.values[term as usize]
-    }
-
-    /// Largest difference between the turns of the phases, as a share, beyond what current sensors of a healthy motor leave: an error of
-    /// the balance at the rotor angles of the commissioning windows, as of few samples in an electrical turn. Windows of the same motion
-    /// have it too, others have another one.
-    pub(super) fn hidden_asymmetry(&self) -> f64 {
-        let largest = [Term::TurnsA, Term::TurnsB, Term::TurnsC].map(|term| libm::fabs(self.of(term) - 1.0));
-        let largest = largest.into_iter().fold(0.0, f64::max);
-        (largest - SENSOR_ASYMMETRY).max(0.0)
-    }
-
-    /// The kernel of its rows at a sample rate, Hz.
-    pub(super) fn kernel(&self, sample_rate: f64) -> Kernel {
-        Kernel::new(self.half_width_s, sample_rate, &self.shape.compliance)
-    }
-}
-
-/// Difference between the turns of the phases, as a share, by gains of current sensors of 1 % and by their noise.
-const SENSOR_ASYMMETRY: f64 = 0.03;
 
 /// Terms of friction, which wear together.
 const WORN: [Term; 4] = [Term::DryFriction, Term::Stribeck, Term::MeshCos, Term::MeshSin];
@@ -109,14 +69,6 @@ const LARGEST_STEP: f64 = 2.5;
 /// Steps of each phase, from which the best one is chosen, and further ones of that.
 const PHASE_ROUNDS: usize = 3;
 const LOOP_ROUNDS: usize = 8;
-
-/// Free coefficients of a window: N_A, N_B, N_C, ζ cos φ_e, ζ sin φ_e, scale of friction, load, spring.
-const FREE_COUNT: usize = 8;
-
-/// Places of the eccentricity, of friction, and of load and spring among the free coefficients.
-const ECCENTRICITY: usize = 3;
-const FRICTION: usize = 5;
-const LOAD: usize = 6;
 
 /// Torque balance of one window.
 #[derive(Clone, Copy, Debug)]
@@ -175,9 +127,7 @@ pub(super) fn torque_balance<S: RecordedSample>(
         independent: 0.0,
         shorted: None,
     };
-    let mut noise = SVector::<f64, FREE_COUNT>::zeros();
-    let of_columns = noise_of_columns(current_noise(window), window.motor().k, &kernel);
-    noise.fixed_rows_mut::<5>(0).copy_from_slice(&of_columns);
+    let noise = noise_of_free_columns(window, &kernel);
     let mut rows = Rows::new(window, unit, &kernel, gain);
     let mut equations = NormalEquations::new();
     let fitted = rows.explain(&mut equations, &noise, turns);
@@ -216,6 +166,17 @@ pub(super) fn torque_balance<S: RecordedSample>(
     balance
 }
 
+/// Expected squares of the noise in the columns of the free coefficients.
+fn noise_of_free_columns<S: RecordedSample>(
+    window: &MeasuredWindow<'_, S>,
+    kernel: &Kernel,
+) -> SVector<f64, FREE_COUNT> {
+    let mut noise = SVector::<f64, FREE_COUNT>::zeros();
+    let of_columns = noise_of_columns(current_noise(window), window.motor().k, kernel);
+    noise.fixed_rows_mut::<5>(0).copy_from_slice(&of_columns);
+    noise
+}
+
 /// Turns, eccentricity, scale of friction and load of a window, without their uncertainty.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FreeCoefficients {
@@ -236,9 +197,7 @@ pub(super) fn free_coefficients<S: RecordedSample>(
     unit: &BalanceCoefficients,
 ) -> Option<FreeCoefficients> {
     let kernel = unit.kernel(window.params().sensors.sample_rate);
-    let mut noise = SVector::<f64, FREE_COUNT>::zeros();
-    let of_columns = noise_of_columns(current_noise(window), window.motor().k, &kernel);
-    noise.fixed_rows_mut::<5>(0).copy_from_slice(&of_columns);
+    let noise = noise_of_free_columns(window, &kernel);
     let mut rows = Rows::new(window, unit, &kernel, 1.0);
     let (solution, load) = rows.explain(&mut NormalEquations::new(), &noise, Turns::Healthy)?;
     let mut directions = [0; 2];
@@ -255,78 +214,6 @@ pub(super) fn free_coefficients<S: RecordedSample>(
         friction: turns_both_ways.then_some(x[FRICTION]),
         load,
     })
-}
-
-/// Largest bias of the free coefficients by errors of the sampled torque: as much as if the whole residual, but the noise that was
-/// subtracted, were the quadrature current's, whose error stands in the columns of the turns too and draws them towards zero.
-///
-/// An error ε of `1.5 k i_q` is `ε s_j²/1.5` in the column of phase j; the mean of `s_i² s_j²` is 3/8 or 3/16. Derived here.
-fn attenuation(solution: &Solution<FREE_COUNT>, rows: usize, loop_phase: Option<usize>) -> SVector<f64, FREE_COUNT> {
-    let squares = solution.quiet_rms * solution.quiet_rms * rows as f64 / 2.25;
-    let mut turns = solution.x.fixed_rows::<3>(0).into_owned();
-    if let Some(phase) = loop_phase {
-        turns[phase] = 0.0;
-    }
-    let mut products = SVector::<f64, FREE_COUNT>::zeros();
-    for j in 0..3 {
-        products[j] = squares * 0.1875 * (turns.sum() + turns[j]);
-    }
-    if let Some(phase) = loop_phase {
-        products[phase] = 0.0;
-    }
-    solution.inverse * products
-}
-
-/// How an error of the shared unknowns changes the *change* of the free coefficients since commissioning.
-///
-/// With the columns a of the free coefficients and s of the shared ones, `x̂ = N⁻¹ Σ a (… + s c)`; turns and eccentricity are
-/// free and compared with the learnt ones. Derived here.
-#[inline(never)]
-fn error_of_shared(
-    solution: &Solution<FREE_COUNT>,
-    with_shared: &SMatrix<f64, FREE_COUNT, SHARED_COUNT>,
-    loop_phase: Option<usize>,
-) -> SMatrix<f64, FREE_COUNT, SHARED_COUNT> {
-    let mut error = solution.inverse * with_shared;
-    for unknown in 0..SHARED_COUNT {
-        if is_free(unknown) {
-            error.column_mut(unknown).fill(0.0);
-        } else if is_worn(unknown) {
-            error.column_mut(unknown).scale_mut(solution.x[FRICTION]);
-        }
-    }
-    for (row, of_shared) in free_of_shared().row_iter().enumerate() {
-        if loop_phase == Some(row) {
-            continue;
-        }
-        for unknown in 0..SHARED_COUNT {
-            error[(row, unknown)] -= of_shared[unknown];
-        }
-    }
-    error
-}
-
-/// `E (P + D) Eᵀ` with the covariance P of the shared unknowns and a diagonal D, row by row: the controller has no room for a
-/// second matrix of their size.
-#[inline(never)]
-fn covariance_by_shared(
-    error: &SMatrix<f64, FREE_COUNT, SHARED_COUNT>,
-    learnt: &[[f64; SHARED_COUNT]; SHARED_COUNT],
-    spread: &Shared,
-) -> SMatrix<f64, FREE_COUNT, FREE_COUNT> {
-    let mut covariance = SMatrix::zeros();
-    for unknown in 0..SHARED_COUNT {
-        for place in 0..FREE_COUNT {
-            let along: f64 = (0..SHARED_COUNT)
-                .map(|other| error[(place, other)] * learnt[other][unknown])
-                .sum();
-            let weighted = along + error[(place, unknown)] * spread[unknown];
-            for other in 0..FREE_COUNT {
-                covariance[(place, other)] += weighted * error[(other, unknown)];
-            }
-        }
-    }
-    covariance
 }
 
 /// Rows of a window by its free coefficients, with the ring that they are made through: the controller has room for one.

@@ -6,10 +6,11 @@
 
 use ema_models::{ActuatorParams, FaultVector};
 
+use super::balance_coefficients::BalanceCoefficients;
 use super::controller::{LawKnowledge, gain_ratio};
 use super::measured::MeasuredWindow;
 use super::terms::{BalanceShape, TERM_COUNT, Term};
-use super::torque_balance::{BalanceCoefficients, free_coefficients};
+use super::torque_balance::free_coefficients;
 use crate::recorded_sample::RecordedSample;
 
 /// Half width of the kernel, s: of jittering samples, too.

@@ -90,8 +90,9 @@ def test_windows_are_a_sequence_that_shows_itself(worn: Path) -> None:
     found = hmd.replay(worn)
     assert len(found) == len(list(found)) == len(found.windows) == 2
     assert [window["window"] for window in found] == [0, 1]
-    assert {window["health"] for window in found} == {"warning"}
-    assert repr(found) == "<hmd.Judged, 2 windows: 2 of ema0 warning>"
+    # The friction of 0.4 is within what a type's tolerances explain: too uncertain to be named in the first window.
+    assert [window["health"] for window in found] == ["watch", "warning"]
+    assert repr(found) == "<hmd.Judged, 2 windows: 1 of ema0 watch, 1 of ema0 warning>"
     assert found[1] == found.windows[1]
     assert found[:1] == found.windows[:1]
     again = pickle.loads(pickle.dumps(found))

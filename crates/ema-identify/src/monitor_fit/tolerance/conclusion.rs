@@ -12,7 +12,7 @@ use ema_models::{
 
 use super::basis::Basis;
 use super::inferred::inferred;
-use super::on_descent::{Last, OnDescent};
+use super::on_descent::OnDescent;
 use super::problem::{DIMENSION, Linearised, NUISANCE_MAX, Point, Problem, Slopes, coordinates};
 use nalgebra::SMatrix;
 
@@ -143,25 +143,16 @@ pub(crate) fn conclude_with_tolerances(
         }
     }
     let reweighted = problem.with_weights(weights_by_noise(&problem, mismatch, &first.at));
-    let mut refined = descend(&reweighted, first.at, &mut slopes, How::NEARBY, share);
+    let refined = descend(&reweighted, first.at, &mut slopes, How::NEARBY, share);
     let undecided = undecided_difference(window, first.cost);
     let (second_spent, second_cut) = second.as_ref().map_or((0, false), |second| (second.spent, second.cut));
     let as_good = second
         .filter(|second| second.cost - first.cost < undecided)
         .map(|second| second.at);
     let (magnet, more) = weak_magnet(&reweighted, &refined, &mut slopes, share);
-    let spent = search.evaluations + first.spent + second_spent + refined.spent + more;
-    let (at, other_motor, linearised) = match &magnet {
-        WeakMagnet::Yes(other) => (*other, true, None),
-        WeakMagnet::No | WeakMagnet::Perhaps(_) => {
-            let last = refined.last.take();
-            let near = last.map(|last| last.moved_to(&refined.at, &reweighted));
-            (refined.at, false, near)
-        }
-    };
-    let (linearised, spent) = match linearised {
-        Some(linearised) => (linearised, spent),
-        None => (reweighted.linearised(&at), spent + RUNS_PER_LINEARISATION),
+    let (at, other_motor) = match &magnet {
+        WeakMagnet::Yes(other) => (*other, true),
+        WeakMagnet::No | WeakMagnet::Perhaps(_) => (refined.at, false),
     };
     let competing = match magnet {
         WeakMagnet::Perhaps(other) => Some(other),
@@ -169,11 +160,12 @@ pub(crate) fn conclude_with_tolerances(
     };
     let cost = problem.mean_cost(&at);
     let misfit = (cost / SYSTEMATIC_COST).max(1.0);
+    let spent = search.evaluations + first.spent + second_spent + refined.spent + more;
     Estimate {
         cost,
         cut: search.cut || first.cut || second_cut || refined.cut,
         other_motor,
-        ..assess(&reweighted, &linearised, mismatch, &at, competing, misfit, spent)
+        ..assess(&reweighted, mismatch, &at, competing, misfit, spent)
     }
 }
 
@@ -284,8 +276,6 @@ struct Descent {
     spent: u64,
     /// Whether the budget of monitor runs cut it short.
     cut: bool,
-    /// Its last linearisation, if it had one.
-    last: Option<Last>,
 }
 
 /// A descent of at most `budget` monitor runs, with the slow slopes of a point `nearby`, which are set at the start where there are none;
@@ -313,7 +303,6 @@ fn descend(problem: &Problem<'_>, start: Point, nearby: &mut Option<Slopes>, how
             cost: problem.cost(&start),
             spent: 1,
             cut: true,
-            last: None,
         };
     }
     let config = LmConfig {
@@ -332,7 +321,6 @@ fn descend(problem: &Problem<'_>, start: Point, nearby: &mut Option<Slopes>, how
         cost: found.cost,
         spent: on_descent.runs(),
         cut: iterations < how.iterations && matches!(found.stop, LmStop::MaxIterations | LmStop::MaxEvaluations),
-        last: on_descent.into_last(),
     }
 }
 
@@ -351,7 +339,6 @@ fn weights_by_noise(problem: &Problem<'_>, mismatch: &Mismatch, at: &Point) -> W
 /// The estimate of a point, and how uncertain it is.
 fn assess(
     problem: &Problem<'_>,
-    linearised: &Linearised,
     mismatch: &Mismatch,
     at: &Point,
     competing: Option<Point>,
@@ -359,12 +346,14 @@ fn assess(
     evaluations: u64,
 ) -> Estimate {
     let window = problem.comparison();
+    // Whole, at the end itself: derivatives of another point along the nuisances make the valleys look narrower, sigmas 5 % smaller.
+    let linearised = problem.linearised(at);
     let unknowns = problem.unknowns(at);
     let fault = unknowns.fault;
     let (squares, count) = problem.squared_residuals(at);
     let n = (count as f64).max(1.0);
     let excess = (2.0 * linearised.cost() / (n * window.weighted_signals())).max(1.0);
-    let [by_data, with_nuisances] = sigmas(linearised, excess).map(|sigma| sigma.map(|sigma| misfit * sigma));
+    let [by_data, with_nuisances] = sigmas(&linearised, excess).map(|sigma| sigma.map(|sigma| misfit * sigma));
     let with_model = |sigma: [f64; FAULT_COUNT]| -> [f64; FAULT_COUNT] {
         core::array::from_fn(|p| sigma[p].hypot(mismatch.model_sigma[p]))
     };
@@ -385,7 +374,7 @@ fn assess(
         observable,
         cost: linearised.cost() / n,
         residual_rms_a: libm::sqrt(squares[1] / n),
-        evaluations,
+        evaluations: evaluations + RUNS_PER_LINEARISATION,
         cut: false,
         competing_optimum: competing.map(|other| problem.unknowns(&other).fault),
         share: [0.0; FAULT_COUNT],
@@ -393,7 +382,7 @@ fn assess(
         other_motor: false,
         locked: is_locked(window),
         deviations: at[UNKNOWN_COUNT..].to_vec(),
-        inferred: inferred(problem, linearised, at, libm::sqrt(excess) * misfit),
+        inferred: inferred(problem, &linearised, at, libm::sqrt(excess) * misfit),
     }
 }
 

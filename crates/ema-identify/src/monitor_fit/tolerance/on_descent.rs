@@ -18,7 +18,7 @@ pub(super) struct OnDescent<'p, 'a> {
 }
 
 /// The last point of a descent, with derivatives of it or of an earlier one.
-pub(super) struct Last {
+struct Last {
     at: Point,
     linearised: Linearised,
 }
@@ -27,20 +27,6 @@ pub(super) struct Last {
 const AS_PROMISED: f64 = 0.8;
 
 impl Last {
-    /// The linearised problem at a point nearby, with the derivatives of the last one.
-    pub(super) fn moved_to(self, at: &Point, problem: &Problem<'_>) -> Linearised {
-        let mut linearised = self.linearised;
-        let moved = self
-            .at
-            .iter()
-            .zip(at)
-            .any(|(before, now)| before.to_bits() != now.to_bits());
-        if moved {
-            problem.set_residuals(&mut linearised, at);
-        }
-        linearised
-    }
-
     /// Whether the cost at another point is as the derivatives promised.
     fn foretold(&self, at: &Point, cost: f64) -> bool {
         let step = SVector::<f64, DIMENSION>::from_fn(|p, _| at[p] - self.at[p]);
@@ -65,11 +51,6 @@ impl<'p, 'a> OnDescent<'p, 'a> {
     /// Monitor runs so far.
     pub(super) fn runs(&self) -> u64 {
         self.runs.get()
-    }
-
-    /// The last linearised problem.
-    pub(super) fn into_last(self) -> Option<Last> {
-        self.last.into_inner()
     }
 
     fn ran(&self, runs: u64) {

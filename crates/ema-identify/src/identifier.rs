@@ -19,9 +19,9 @@ use crate::calibration::TypeCalibration;
 use crate::effort::{Effort, Request, Stage};
 use crate::estimate::Estimate;
 use crate::monitor_fit::{
-    Descent, InTime, LocalOptimum, MAX_STARTS, Optimum, RUNS_OF_ASSESSMENT, RUNS_OF_DESCENT, RUNS_OF_STEP, Search,
-    Starts, Time, Timed, UNLIMITED, assess, best_first, coarse_in_time, conclude, conclude_with_tolerances,
-    descend_side_by_side, is_locked, prior, starts,
+    Descent, FineResiduals, InTime, LocalOptimum, MAX_STARTS, Optimum, RUNS_OF_ASSESSMENT, RUNS_OF_DESCENT,
+    RUNS_OF_STEP, Search, Starts, Time, Timed, UNLIMITED, assess, best_first, coarse_in_time, conclude,
+    conclude_with_tolerances, descend_side_by_side, is_locked, prior, starts,
 };
 use crate::prepared::Prepared;
 
@@ -101,9 +101,10 @@ impl Identifier {
         }
         let coefficients = self.calibration.coefficients();
         let comparison = self.comparison(window, &coefficients, conditions);
+        let kept = RefCell::default();
         let narrow = if matches!(self.method, Method::Hybrid(_) | Method::LeastSquares) {
             let params = coarse_in_time(&self.params);
-            let near = self.near_balance(window, &comparison, &params, usual, effort);
+            let near = self.near_balance(window, &comparison, &params, &kept, usual, effort);
             let search = match near {
                 Some(search) => search,
                 None => {
@@ -114,7 +115,7 @@ impl Identifier {
                     self.local_optima(&in_coarse_time, seed, usual, effort, Extent::FromHealth)?
                 }
             };
-            let Some((estimate, found)) = self.conclude_within(&comparison, search, effort) else {
+            let Some((estimate, found)) = self.conclude_within(&comparison, search, &kept, effort) else {
                 return Ok(None);
             };
             if self.method == Method::LeastSquares || self.is_explained(&comparison, &estimate) {
@@ -126,7 +127,7 @@ impl Identifier {
         };
         let search = self.local_optima(&comparison, seed, usual, effort, Extent::Whole)?;
         // The whole search knows more competing optima: without tolerances its estimate counts, whichever costs less.
-        let whole = self.conclude_within(&comparison, search, effort);
+        let whole = self.conclude_within(&comparison, search, &kept, effort);
         let (estimate, found) = match (narrow, whole) {
             (Some((narrow, _)), Some((whole, found))) => {
                 let evaluations = narrow.evaluations + whole.evaluations;
@@ -165,6 +166,7 @@ impl Identifier {
         &self,
         comparison: &Comparison<'_>,
         search: Search,
+        kept: &RefCell<FineResiduals>,
         effort: &Effort<'_>,
     ) -> Option<(Estimate, Coordinates)> {
         let window_s = self.length_s(comparison.recording.samples.len());
@@ -201,15 +203,14 @@ impl Identifier {
                 )
             },
             Method::LeastSquares | Method::Hybrid(_) if self.has_tolerances() => {
-                conclude_with_tolerances(comparison, &coarse, mismatch, &self.tolerances, &search, budget)
+                conclude_with_tolerances(comparison, &coarse, mismatch, &self.tolerances, &search, kept, budget)
             }
             Method::LeastSquares | Method::Hybrid(_) => {
                 let time = match search.time {
                     Time::Coarse | Time::Both => Time::Both,
                     Time::Fine => Time::Fine,
                 };
-                let kept = RefCell::default();
-                let window = Timed::new(*comparison, &coarse, &kept).in_time(time);
+                let window = Timed::new(*comparison, &coarse, kept).in_time(time);
                 conclude(&window, mismatch, search, budget)
             }
         };

@@ -28,7 +28,7 @@ mod streamed;
 #[cfg(feature = "std")]
 mod timed;
 #[cfg(feature = "std")]
-pub(crate) use timed::Timed;
+pub(crate) use timed::{FineResiduals, Timed};
 #[cfg(feature = "std")]
 mod tolerance;
 mod uncertainty;

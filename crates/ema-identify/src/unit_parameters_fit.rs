@@ -239,7 +239,7 @@ impl Sums {
                 variant(window, &shared, &own)
             });
             let mut residuals = vec![[[0.0; COST_LANES]; SIGNAL_COUNT]; window.recording.samples.len()];
-            window.residuals_of_variants(&variants, &[], &mut residuals);
+            window.residuals_of_variants(&variants, &[], &mut |n, found| residuals[n] = *found);
             residuals
         });
 

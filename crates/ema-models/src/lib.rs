@@ -91,7 +91,7 @@ pub use unknowns::{
     Coordinates, LOAD_COORDINATE, MOTOR_COORDINATES, MotorDeviation, MotorKnowledge, Scale, UNKNOWN_COUNT, Unknowns,
 };
 pub use variants::{
-    DISTURBANCE_COUNT, Disturbances, GRAM_COLUMNS, GramRow, LOAD_CHANGE_COUNT, LaneResiduals, MonitorVariant,
+    DISTURBANCE_COUNT, Disturbances, GRAM_COLUMNS, Gram, GramRow, LOAD_CHANGE_COUNT, LaneResiduals, MonitorVariant,
     ShaftSizes, ShaftTorques, add_gram,
 };
 pub use winding::{DerivedShape, PaperShape, Winding, derived_shape};

@@ -88,19 +88,19 @@ impl Comparison<'_> {
         );
     }
 
-    /// Unweighted residuals of monitors side by side, one row per sample; those of samples that were not measured stay as they are. `torques`
-    /// and `residuals` have as many rows as the window has samples; samples beyond the shorter are left out.
+    /// Calls `visit` with index and unweighted residuals of each measured sample for monitors side by side; without a row of `torques` a
+    /// sample has none.
     pub fn residuals_of_variants(
         &self,
         variants: &[MonitorVariant; COST_LANES],
         torques: &[ShaftTorques],
-        residuals: &mut [LaneResiduals],
+        visit: &mut dyn FnMut(usize, &LaneResiduals),
     ) {
         InstructionSet::best().run(VariantResiduals {
             comparison: self,
             variants,
             torques,
-            residuals,
+            visit,
         });
     }
 }
@@ -110,7 +110,7 @@ struct VariantResiduals<'a> {
     comparison: &'a Comparison<'a>,
     variants: &'a [MonitorVariant; COST_LANES],
     torques: &'a [ShaftTorques],
-    residuals: &'a mut [LaneResiduals],
+    visit: &'a mut dyn FnMut(usize, &LaneResiduals),
 }
 
 impl LaneWork for VariantResiduals<'_> {
@@ -128,18 +128,12 @@ impl LaneWork for VariantResiduals<'_> {
             loss_shares: core::array::from_fn(|s| lanes(&|variant| variant.loss_shares[s])),
         };
         let of_sample = |n: usize| shaft.at(monitor.friction(), self.torques.get(n));
-        let residuals = self.residuals;
+        let visit = self.visit;
         self.comparison.run_under(
             &monitor,
             of_sample,
             |torque, disturbance| torque - disturbance,
-            |n, of_sample| {
-                if let Some(row) = residuals.get_mut(n) {
-                    for (slot, residual) in row.iter_mut().zip(of_sample.to_array()) {
-                        *slot = residual.to_lanes();
-                    }
-                }
-            },
+            |n, residuals| visit(n, &residuals.to_array().map(N::Double::to_lanes)),
         );
     }
 }
@@ -179,21 +173,24 @@ fn sum_of<R: Real, const N: usize>(sizes: &[R; N], per_unit: &[f64; N]) -> R {
 /// Columns of a [`GramRow`].
 pub const GRAM_COLUMNS: usize = 56;
 
-/// One equation of a least-squares problem: derivatives of its residual, the residual, and zeros up to the length.
-pub type GramRow = [f64; GRAM_COLUMNS];
+/// Derivatives of one residual, and zeros up to the length; in single precision, as finite differences have fewer digits.
+pub type GramRow = [f32; GRAM_COLUMNS];
+
+/// Sums of products of the columns.
+pub type Gram = [[f64; GRAM_COLUMNS]; GRAM_COLUMNS];
 
 /// Adds `Σ row rowᵀ` to the lower triangle of `sums`.
-pub fn add_gram(rows: &[GramRow], sums: &mut [GramRow; GRAM_COLUMNS]) {
-    InstructionSet::best().run(Gram { rows, sums });
+pub fn add_gram(rows: &[GramRow], sums: &mut Gram) {
+    InstructionSet::best().run(AddGram { rows, sums });
 }
 
 /// [`add_gram`] as [`LaneWork`].
-struct Gram<'a> {
+struct AddGram<'a> {
     rows: &'a [GramRow],
-    sums: &'a mut [GramRow; GRAM_COLUMNS],
+    sums: &'a mut Gram,
 }
 
-impl LaneWork for Gram<'_> {
+impl LaneWork for AddGram<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -208,23 +205,22 @@ impl LaneWork for Gram<'_> {
     }
 }
 
-/// Rows whose products are added to a sum before the next one, one after another as alone.
-const ROWS_AT_ONCE: usize = 8;
+/// Rows whose products are summed in single precision.
+const ROWS_AT_ONCE: usize = 32;
 
-/// Sums in one register of the widest kind.
+/// Sums in one register of the widest kind but one.
 const SUMS_AT_ONCE: usize = 8;
 
 /// Lines of sums that share the loads of a row.
-const LINES_AT_ONCE: usize = 4;
+const LINES_AT_ONCE: usize = 14;
 
 /// Adds the products of some rows.
 #[inline(always)]
-fn add_block<const ROWS: usize>(block: &[GramRow; ROWS], sums: &mut [GramRow; GRAM_COLUMNS]) {
+fn add_block<const ROWS: usize>(block: &[GramRow; ROWS], sums: &mut Gram) {
     for first in (0..GRAM_COLUMNS).step_by(LINES_AT_ONCE) {
         // Whole registers: some of the upper triangle is summed as well.
         for begin in (0..first + LINES_AT_ONCE).step_by(SUMS_AT_ONCE) {
-            let mut partial: [[f64; SUMS_AT_ONCE]; LINES_AT_ONCE] =
-                core::array::from_fn(|line| core::array::from_fn(|n| sums[first + line][begin + n]));
+            let mut partial = [[0.0_f32; SUMS_AT_ONCE]; LINES_AT_ONCE];
             for row in block {
                 for (line, partial) in partial.iter_mut().enumerate() {
                     let factor = row[first + line];
@@ -234,7 +230,9 @@ fn add_block<const ROWS: usize>(block: &[GramRow; ROWS], sums: &mut [GramRow; GR
                 }
             }
             for (line, partial) in partial.iter().enumerate() {
-                sums[first + line][begin..begin + SUMS_AT_ONCE].copy_from_slice(partial);
+                for (sum, partial) in sums[first + line][begin..].iter_mut().zip(partial) {
+                    *sum += f64::from(*partial);
+                }
             }
         }
     }
@@ -310,7 +308,7 @@ mod tests {
         let mut in_lanes = [[[0.0; COST_LANES]; SIGNAL_COUNT]; SAMPLES];
         let mut variants = [undisturbed; COST_LANES];
         variants[1] = disturbed;
-        comparison.residuals_of_variants(&variants, &rows, &mut in_lanes);
+        comparison.residuals_of_variants(&variants, &rows, &mut |n, residuals| in_lanes[n] = *residuals);
         let mut alone = [[[0.0; SIGNAL_COUNT]; SAMPLES]; 3];
         comparison.residuals(&unknowns, |n, r| alone[0][n] = r.to_array());
         comparison.residuals_of_variant(&undisturbed, &rows, |n, r| alone[1][n] = r.to_array());
@@ -333,12 +331,12 @@ mod tests {
 
     #[test]
     fn sums_of_products_are_those_of_the_rows() {
-        let rows: [GramRow; 3] = core::array::from_fn(|n| core::array::from_fn(|c| (n * 7 + c * 3 % 11) as f64 - 4.0));
+        let rows: [GramRow; 3] = core::array::from_fn(|n| core::array::from_fn(|c| (n * 7 + c * 3 % 11) as f32 - 4.0));
         let mut sums = [[0.0; GRAM_COLUMNS]; GRAM_COLUMNS];
         add_gram(&rows, &mut sums);
         for p in 0..GRAM_COLUMNS {
             for q in 0..=p {
-                let expected: f64 = rows.iter().map(|row| row[p] * row[q]).sum();
+                let expected: f64 = rows.iter().map(|row| f64::from(row[p] * row[q])).sum();
                 assert!((sums[p][q] - expected).abs() < 1e-9, "{p}, {q}");
             }
         }

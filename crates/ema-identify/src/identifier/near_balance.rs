@@ -6,7 +6,9 @@ use ema_models::{ActuatorParams, Comparison, FaultVector};
 
 use super::Identifier;
 use crate::effort::{Effort, Request, Stage};
-use crate::monitor_fit::{Descent, InTime, Search, Starts, Time, Timed, descend_from_each, start_by_balance, starts};
+use crate::monitor_fit::{
+    Descent, FineResiduals, InTime, Search, Starts, Time, Timed, descend_from_each, start_by_balance, starts,
+};
 use crate::prepared::Prepared;
 
 /// Shares of the budget, one in as many: of this search, and of each later descent, which is the last one or has another magnet.
@@ -21,6 +23,7 @@ impl Identifier {
         window: &Prepared,
         comparison: &Comparison<'_>,
         coarse: &ActuatorParams,
+        kept: &RefCell<FineResiduals>,
         reserved: u64,
         effort: &Effort<'_>,
     ) -> Option<Search> {
@@ -43,8 +46,7 @@ impl Identifier {
             reserved,
         });
         let share = granted / near.len() as u64;
-        let kept = RefCell::default();
-        let timed = Timed::new(*comparison, coarse, &kept).in_time(Time::Both);
+        let timed = Timed::new(*comparison, coarse, kept).in_time(Time::Both);
         let search = Search::new(
             descend_from_each(&timed, &near, how, share),
             0,

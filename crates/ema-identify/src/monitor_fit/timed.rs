@@ -1,6 +1,7 @@
 //! The host's window whose monitors can run in coarse time.
 
 use core::cell::RefCell;
+use core::mem;
 use std::vec::Vec;
 
 use ema_models::{
@@ -20,25 +21,35 @@ pub(crate) struct Timed<'a> {
     kept: &'a RefCell<FineResiduals>,
 }
 
-/// Residuals of fine time at the last point, unweighted, zero where a sample was not measured: a descent linearises where it has just
-/// computed a cost.
+/// Residuals of fine time at the last two points: a descent linearises where it has just computed a cost, and ends at one of them.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FineResiduals {
-    at: Option<Coordinates>,
+    last: ResidualsAt,
+    before: ResidualsAt,
+}
+
+/// Residuals of one point, unweighted, zero where a sample was not measured.
+#[derive(Clone, Debug, Default)]
+struct ResidualsAt {
+    at: Option<Unknowns>,
     rows: Vec<[f64; SIGNAL_COUNT]>,
 }
 
 impl FineResiduals {
     /// Those of a window at a point.
-    fn at(&mut self, window: &Comparison<'_>, at: &Coordinates) -> &[[f64; SIGNAL_COUNT]] {
-        if self.at != Some(*at) {
-            self.at = Some(*at);
-            self.rows.clear();
-            self.rows.resize(window.sample_count(), [0.0; SIGNAL_COUNT]);
-            let unknowns = Scale::new(window.params).unknowns(at);
-            window.residuals(&unknowns, |n, r| self.rows[n] = r.to_array());
+    pub(crate) fn at(&mut self, window: &Comparison<'_>, unknowns: &Unknowns) -> &[[f64; SIGNAL_COUNT]] {
+        let of_point = Some(*unknowns);
+        if self.last.at != of_point {
+            mem::swap(&mut self.last, &mut self.before);
         }
-        &self.rows
+        let last = &mut self.last;
+        if last.at != of_point {
+            last.at = of_point;
+            last.rows.clear();
+            last.rows.resize(window.sample_count(), [0.0; SIGNAL_COUNT]);
+            window.residuals(unknowns, |n, r| last.rows[n] = r.to_array());
+        }
+        &last.rows
     }
 }
 
@@ -115,7 +126,19 @@ impl MonitoredWindow for Timed<'_> {
     }
 
     fn squared_residuals(&self, unknowns: &Unknowns) -> ([f64; SIGNAL_COUNT], usize) {
-        self.compared().squared_residuals(unknowns)
+        if self.time != Time::Both {
+            return self.compared().squared_residuals(unknowns);
+        }
+        let (mut squares, mut count) = ([0.0; SIGNAL_COUNT], 0);
+        let mut kept = self.kept.borrow_mut();
+        let rows = kept.at(&self.fine, unknowns);
+        for (row, _) in rows.iter().zip(self.fine.recording.samples).filter(|(_, s)| s.measured) {
+            for (sum, r) in squares.iter_mut().zip(row) {
+                *sum += r * r;
+            }
+            count += 1;
+        }
+        (squares, count)
     }
 
     fn normal_equations(&self, at: &Coordinates, step: f64) -> NormalEquations {
@@ -123,8 +146,9 @@ impl MonitoredWindow for Timed<'_> {
             return self.compared().normal_equations(at, step);
         }
         let mut kept = self.kept.borrow_mut();
+        let unknowns = Scale::new(self.fine.params).unknowns(at);
         self.in_coarse_time()
-            .normal_equations_with(at, step, kept.at(&self.fine, at))
+            .normal_equations_with(at, step, kept.at(&self.fine, &unknowns))
     }
 
     fn cost(&self, at: &Coordinates) -> f64 {
@@ -135,7 +159,8 @@ impl MonitoredWindow for Timed<'_> {
         let mut kept = self.kept.borrow_mut();
         let weights = self.fine.weights.to_array();
         let mut sum = 0.0;
-        for row in kept.at(&self.fine, at) {
+        let scale = Scale::new(self.fine.params);
+        for row in kept.at(&self.fine, &scale.unknowns(at)) {
             for (residual, weight) in row.iter().zip(weights) {
                 let weighted = weight * residual;
                 sum += weighted * weighted;
@@ -143,10 +168,7 @@ impl MonitoredWindow for Timed<'_> {
         }
         let count = self.fine.sample_count();
         let mean = sum * (0.5 / count.max(1) as f64);
-        let known = self
-            .fine
-            .prior
-            .cost(&Scale::new(self.fine.params), &self.fine.conditions, at);
+        let known = self.fine.prior.cost(&scale, &self.fine.conditions, at);
         mean * count as f64 + known
     }
 

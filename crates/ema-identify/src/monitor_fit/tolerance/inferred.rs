@@ -7,12 +7,18 @@
 use ema_models::{FaultId, LOAD_COORDINATE, Scale, UNKNOWN_COUNT};
 use nalgebra::SVector;
 
+use super::linearised::Linearised;
 use super::nuisance::LINK_VOLTAGE;
-use super::problem::{DIMENSION, Linearised, Point, Problem};
+use super::problem::{DIMENSION, Point, Problem};
 use crate::inferred::{Inferred, InferredReadings};
 
 /// What a window says of load and link voltage, where they are read; `factor` widens its sigmas.
-pub(super) fn inferred(problem: &Problem<'_>, linearised: &Linearised, at: &Point, factor: f64) -> InferredReadings {
+pub(super) fn inferred(
+    problem: &Problem<'_>,
+    linearised: &Linearised<'_>,
+    at: &Point,
+    factor: f64,
+) -> InferredReadings {
     let window = problem.comparison();
     let (conditions, unit) = (&window.conditions, Scale::new(window.params).load_unit());
     // Without a reading, the prior stands about zero.
@@ -44,20 +50,20 @@ pub(super) fn inferred(problem: &Problem<'_>, linearised: &Linearised, at: &Poin
 /// Coordinate `p` by a fit without the reading of it and its standard deviation, with this friction where one is given; `None` where only
 /// the reading tells it.
 fn without(
-    linearised: &Linearised,
+    linearised: &Linearised<'_>,
     at: &Point,
     p: usize,
     (read, sigma): (f64, f64),
     friction: Option<f64>,
 ) -> Option<Inferred> {
     let of_reading = 1.0 / (sigma * sigma);
-    let mut information = linearised.information();
+    let mut information = linearised.information;
     information[(p, p)] -= of_reading;
     // A coordinate that the window does not show stays where it is, with a large variance.
     for q in 0..DIMENSION {
         information[(q, q)] += LEAST_INFORMATION;
     }
-    let mut gradient: SVector<f64, DIMENSION> = linearised.gradient();
+    let mut gradient: SVector<f64, DIMENSION> = linearised.gradient;
     gradient[p] -= of_reading * (at[p] - read);
     if let Some(friction) = friction {
         information[(FRICTION, FRICTION)] += OF_FIXED;

@@ -1,55 +1,80 @@
 //! The problem as a descent sees it: derivatives are computed again only where they no longer foretell the costs.
 
 use core::cell::{Cell, RefCell};
+use std::rc::Rc;
 
 use ema_ga::Residuals;
 use ema_models::{COST_LANES, UNKNOWN_COUNT};
-use nalgebra::{SMatrix, SVector};
 
-use super::problem::{DIMENSION, Linearised, Point, Problem, Slopes, coordinates};
+use super::derivatives::Derivatives;
+use super::linearised::Linearised;
+use super::problem::{DIMENSION, Gradient, Information, Point, Problem, coordinates};
 
-/// A problem during one descent: derivatives along slow coordinates are those of a point nearby, or of the first one, and all derivatives
-/// stay as they are after a step that gained what they had promised.
+/// Derivatives that descents leave to the next one.
+#[derive(Default)]
+pub(super) struct Known<'a> {
+    /// Whole ones of the first point.
+    first: Option<Rc<Derivatives<'a>>>,
+    /// Those of the last descent, and the last point to which they foretold the cost.
+    last: Option<(Option<Point>, Rc<Derivatives<'a>>)>,
+}
+
+impl Known<'_> {
+    /// Whether a further linearisation needs the quick coordinates only.
+    pub(super) fn is_whole(&self) -> bool {
+        self.first.is_some()
+    }
+}
+
+/// A problem during one descent: derivatives along slow coordinates are those of the first point, and all derivatives stay as they are after
+/// a step that gained what they had promised.
 pub(super) struct OnDescent<'p, 'a> {
     problem: &'p Problem<'a>,
-    nearby: RefCell<&'p mut Option<Slopes>>,
-    last: RefCell<Option<Last>>,
+    known: RefCell<&'p mut Known<'a>>,
+    last: RefCell<Option<Last<'a>>>,
     runs: Cell<u64>,
 }
 
-/// The last point of a descent, with derivatives of it or of an earlier one.
-struct Last {
+/// The last point that was linearised.
+struct Last<'a> {
     at: Point,
-    linearised: Linearised,
+    linearised: Linearised<'a>,
+    /// The last point to which it foretold the cost, at first its own.
+    foretold: Option<Point>,
 }
 
 /// Share of the promised decrease of the cost, and its inverse, by which a step may miss it for the derivatives to stay.
 const AS_PROMISED: f64 = 0.8;
 
-impl Last {
+/// Difference from the promised decrease up to which they stay as well: that of one standard deviation.
+const ONE_SIGMA: f64 = 0.5;
+
+impl Last<'_> {
     /// Whether the cost at another point is as the derivatives promised.
-    fn foretold(&self, at: &Point, cost: f64) -> bool {
-        let step = SVector::<f64, DIMENSION>::from_fn(|p, _| at[p] - self.at[p]);
-        let promised =
-            -(self.linearised.gradient().dot(&step) + 0.5 * step.dot(&(self.linearised.information() * step)));
-        let gained = self.linearised.cost() - cost;
-        promised > 0.0 && gained > AS_PROMISED * promised && gained * AS_PROMISED < promised
+    fn foretells(&self, at: &Point, cost: f64) -> bool {
+        let step = Gradient::from_fn(|p, _| at[p] - self.at[p]);
+        let linear = &self.linearised;
+        let promised = -(linear.gradient.dot(&step) + 0.5 * step.dot(&(linear.information * step)));
+        let gained = linear.cost - cost;
+        let alike = gained > AS_PROMISED * promised && gained * AS_PROMISED < promised;
+        promised > 0.0 && (alike || (gained - promised).abs() < ONE_SIGMA)
     }
 }
 
 impl<'p, 'a> OnDescent<'p, 'a> {
-    /// `nearby` are set at the first point where there are none.
-    pub(super) fn new(problem: &'p Problem<'a>, nearby: &'p mut Option<Slopes>) -> Self {
+    pub(super) fn new(problem: &'p Problem<'a>, known: &'p mut Known<'a>) -> Self {
         Self {
             problem,
-            nearby: RefCell::new(nearby),
+            known: RefCell::new(known),
             last: RefCell::new(None),
             runs: Cell::new(0),
         }
     }
 
-    /// Monitor runs so far.
-    pub(super) fn runs(&self) -> u64 {
+    /// Leaves the derivatives to the next descent; monitor runs so far.
+    pub(super) fn ended(self) -> u64 {
+        let last = self.last.into_inner();
+        self.known.into_inner().last = last.map(|last| (last.foretold, last.linearised.derivatives));
         self.runs.get()
     }
 
@@ -57,48 +82,51 @@ impl<'p, 'a> OnDescent<'p, 'a> {
         self.runs.set(self.runs.get() + runs);
     }
 
-    /// The linearised problem at a point, by the derivatives that it had where they still foretell its costs.
-    fn linearised(&self, at: &Point) -> Linearised {
-        let mut last = self.last.borrow_mut();
-        if let Some(mut before) = last.take() {
-            if before.foretold(at, self.problem.cost(at)) {
-                self.problem.set_residuals(&mut before.linearised, at);
-                return before.linearised;
+    /// The derivatives for a point: those known where they still foretell its cost.
+    fn derivatives(&self, at: &Point) -> Rc<Derivatives<'a>> {
+        let mut known = self.known.borrow_mut();
+        if let Some(last) = self.last.borrow_mut().take() {
+            if last.foretold == Some(*at) {
+                return last.linearised.derivatives;
             }
-            self.problem.reuse(before.linearised.rows);
+        } else if let Some((_, derivatives)) = known.last.take().filter(|(foretold, _)| *foretold == Some(*at)) {
+            return derivatives;
         }
-        let mut nearby = self.nearby.borrow_mut();
-        let linearised = self.problem.linearised_near(at, nearby.as_ref());
-        self.ran(if nearby.is_some() {
-            COST_LANES as u64
+        let found = Rc::new(Derivatives::at(self.problem, at, known.first.as_deref()));
+        if known.first.is_some() {
+            self.ran(COST_LANES as u64);
         } else {
-            DIMENSION as u64 + 1
-        });
-        if nearby.is_none() {
-            **nearby = Some(Slopes::of(&linearised, self.problem));
+            self.ran(DIMENSION as u64 + 1);
+            known.first = Some(found.clone());
         }
-        linearised
+        found
     }
 }
 
 impl Residuals<DIMENSION> for OnDescent<'_, '_> {
-    fn normal_equations(
-        &self,
-        genes: &Point,
-        jtj: &mut SMatrix<f64, DIMENSION, DIMENSION>,
-        jtr: &mut SVector<f64, DIMENSION>,
-    ) -> f64 {
-        let linearised = self.linearised(genes);
-        jtj.copy_from(&linearised.information());
-        jtr.copy_from(&linearised.gradient());
-        let cost = linearised.cost();
-        *self.last.borrow_mut() = Some(Last { at: *genes, linearised });
+    fn normal_equations(&self, genes: &Point, jtj: &mut Information, jtr: &mut Gradient) -> f64 {
+        self.problem.anchor(genes);
+        let linearised = Linearised::new(self.problem, self.derivatives(genes), genes);
+        jtj.copy_from(&linearised.information);
+        jtr.copy_from(&linearised.gradient);
+        let cost = linearised.cost;
+        *self.last.borrow_mut() = Some(Last {
+            at: *genes,
+            linearised,
+            foretold: Some(*genes),
+        });
         cost
     }
 
     fn cost(&self, genes: &Point) -> f64 {
         self.ran(1);
-        self.problem.cost(genes)
+        let cost = self.problem.cost(genes);
+        if let Some(last) = &mut *self.last.borrow_mut()
+            && last.foretells(genes, cost)
+        {
+            last.foretold = Some(*genes);
+        }
+        cost
     }
 
     fn project(&self, genes: &mut Point) {

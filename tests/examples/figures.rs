@@ -45,7 +45,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         ..Scenario::new(params, worn, 7)
     });
     let estimate = identifier.identify(&window.prepared, window.conditions, 1)?;
-    let fit = identifier.fit(&window.prepared, window.conditions, &estimate);
+    let residuals = identifier.residuals(&window.prepared, window.conditions, &estimate);
+    let fit = Fit::new(&window.prepared, &residuals);
 
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/img/fit.svg");
     draw(&path, &fit, 1.0 / params.sensors.sample_rate)

@@ -4,7 +4,7 @@ mod fit;
 mod method;
 mod near_balance;
 
-pub use fit::Fit;
+pub use fit::{Fit, Residuals};
 pub use method::Method;
 
 use core::cell::RefCell;
@@ -12,7 +12,7 @@ use core::cell::RefCell;
 use ema_ga::{ConfigError, Control, GenerationLog, Outcome, StopReason};
 use ema_models::{
     ActuatorParams, Calibration, Comparison, Conditions, Coordinates, FAULT_COUNT, FaultVector, Feedback,
-    MotorKnowledge, SIGNAL_COUNT, Scale, Tolerances, Weights,
+    MotorKnowledge, Scale, Tolerances, Weights,
 };
 
 use crate::calibration::TypeCalibration;
@@ -118,7 +118,7 @@ impl Identifier {
             let Some((estimate, found)) = self.conclude_within(&comparison, search, &kept, effort) else {
                 return Ok(None);
             };
-            if self.method == Method::LeastSquares || self.is_explained(&comparison, &estimate) {
+            if self.method == Method::LeastSquares || self.is_explained(&comparison, &estimate, &kept) {
                 return Ok(self.as_far_as_granted(estimate, &found, effort));
             }
             Some((estimate, found))
@@ -146,7 +146,7 @@ impl Identifier {
     }
 
     /// Whether no other estimate is worth looking for: this one explains the window, and none explains it likewise.
-    fn is_explained(&self, comparison: &Comparison<'_>, estimate: &Estimate) -> bool {
+    fn is_explained(&self, comparison: &Comparison<'_>, estimate: &Estimate, kept: &RefCell<FineResiduals>) -> bool {
         if estimate.locked {
             return true;
         }
@@ -157,7 +157,7 @@ impl Identifier {
         let resembles_weak_magnet = shorts.iter().all(|short| *short > ANY_SHORT) && self.motor.information().is_some();
         !resembles_weak_magnet
             && !estimate.is_unmodelled()
-            && self.systematic_cost(comparison, estimate) <= EXPLAINED_COST
+            && kept.borrow_mut().systematic_cost(comparison, &estimate.unknowns) <= EXPLAINED_COST
     }
 
     /// The estimate of a search's local optima with as much work as is granted, and the best of the optima; none without an
@@ -229,20 +229,6 @@ impl Identifier {
         }
         let end = Scale::new(&self.params).coordinates(&estimate.unknowns);
         Some(estimate.reaching(&core::array::from_fn(|p| end.0[p] - start.0[p])))
-    }
-
-    /// The part of an estimate's cost that is no noise: by products of neighbouring residuals, of either sign.
-    fn systematic_cost(&self, comparison: &Comparison<'_>, estimate: &Estimate) -> f64 {
-        let weights = comparison.weights.to_array();
-        let (mut before, mut sums) = ([0.0; SIGNAL_COUNT], [0.0; SIGNAL_COUNT]);
-        self.residuals_of(comparison, estimate, |_, residuals| {
-            let now = residuals.to_array();
-            for (signal, sum) in sums.iter_mut().enumerate() {
-                *sum += 0.5 * weights[signal] * weights[signal] * before[signal] * now[signal];
-            }
-            before = now;
-        });
-        sums.iter().map(|sum| sum.abs()).sum::<f64>() / comparison.recording.samples.len().max(1) as f64
     }
 
     fn length_s(&self, samples: usize) -> f64 {

@@ -47,7 +47,7 @@ pub mod unit_parameters_fit;
 
 pub use estimate::{Estimate, LOCKED, OBSERVABLE_SIGMA, Unmodelled, is_unmodelled};
 #[cfg(feature = "std")]
-pub use identifier::{Fit, Identifier, Method, comparison};
+pub use identifier::{Fit, Identifier, Method, Residuals, comparison};
 #[cfg(feature = "std")]
 pub use inferred::{Inferred, InferredReadings};
 #[cfg(feature = "std")]

@@ -10,7 +10,7 @@ use ema_models::Conditions;
 
 use crate::window::Window;
 use ema_identify::effort::{Effort, Request, Stage};
-use ema_identify::{Estimate, Identifier, Prepared};
+use ema_identify::{Estimate, Fit, Identifier, Prepared, Residuals};
 
 /// Distance of a residual from its neighbours', in multiples of what half of all neighbours differ by.
 const FACTOR: f64 = 20.0;
@@ -24,7 +24,8 @@ const SHARE_MAX: f64 = 0.02;
 /// Times a window is identified again; a large outlier may have hidden a small one.
 const PASSES: usize = 2;
 
-/// Identifies a window; refuses counts that stick out from the fit and identifies it once more without them.
+/// Identifies a window, and shows how well the estimate fits; refuses counts that stick out from the fit and identifies it once more without
+/// them.
 ///
 /// None where not even one estimate is granted; where a further one is not, that with the outliers stands.
 ///
@@ -36,7 +37,7 @@ pub fn identify_without_outliers(
     conditions: Conditions,
     seed: u64,
     effort: &Effort<'_>,
-) -> Result<Option<(Prepared, Estimate)>, ConfigError> {
+) -> Result<Option<(Fit, Estimate)>, ConfigError> {
     let mut evaluations = 0;
     let mut last = None;
     let identify = |_: &Window, prepared: &Prepared| {
@@ -55,10 +56,10 @@ pub fn identify_without_outliers(
         }
         Ok(last.clone())
     };
-    let (prepared, found) = estimate_without_outliers(identifier, window, conditions, identify, Option::as_ref)?;
+    let (fit, found) = estimate_without_outliers(identifier, window, conditions, identify, Option::as_ref)?;
     Ok(found.map(|mut estimate| {
         estimate.evaluations = evaluations;
-        (prepared, estimate)
+        (fit, estimate)
     }))
 }
 
@@ -87,14 +88,15 @@ pub fn estimate_without_outliers<T, E>(
     conditions: Conditions,
     mut estimate: impl FnMut(&Window, &Prepared) -> Result<T, E>,
     of: impl Fn(&T) -> Option<&Estimate>,
-) -> Result<(Prepared, T), E> {
+) -> Result<(Fit, T), E> {
     let mut passes_left = PASSES;
     loop {
         let prepared = window.prepared(&identifier.params);
         let found = estimate(window, &prepared)?;
-        let outliers = of(&found).map_or_else(Vec::new, |of| outliers(identifier, &prepared, conditions, of));
+        let residuals = of(&found).map_or_else(Residuals::new, |of| identifier.residuals(&prepared, conditions, of));
+        let outliers = outliers(identifier, &residuals);
         if passes_left == 0 || outliers.is_empty() || outliers.len() as f64 > SHARE_MAX * window.samples.len() as f64 {
-            return Ok((prepared, found));
+            return Ok((Fit::new(&prepared, &residuals), found));
         }
         window.refuse_counts(&outliers);
         passes_left -= 1;
@@ -102,13 +104,13 @@ pub fn estimate_without_outliers<T, E>(
 }
 
 /// Indices of samples whose resolver or encoder count sticks out, in rising order.
-fn outliers(identifier: &Identifier, window: &Prepared, conditions: Conditions, estimate: &Estimate) -> Vec<usize> {
+fn outliers(identifier: &Identifier, residuals: &Residuals) -> Vec<usize> {
     let sensors = &identifier.params.sensors;
     let (mut motor, mut output) = (Vec::new(), Vec::new());
-    identifier.residuals(window, conditions, estimate, |n, r| {
-        motor.push((n, r.theta_m / sensors.motor_lsb()));
-        output.push((n, r.theta_out / sensors.output_lsb()));
-    });
+    for (n, r) in residuals {
+        motor.push((*n, r.theta_m / sensors.motor_lsb()));
+        output.push((*n, r.theta_out / sensors.output_lsb()));
+    }
     let mut found = sticking_out(&motor);
     found.extend(sticking_out(&output));
     found.sort_unstable();

@@ -154,13 +154,13 @@ fn line(asked: &Asked, number: u64) -> Result<Value, Failed> {
     let ms = processor_ms() - before;
     let weights = identifier.calibration.weights(rate).to_array();
     let (mut earlier, mut sum, mut count) = ([0.0; SIGNAL_COUNT], 0.0, 0);
-    identifier.residuals(&window.prepared, window.conditions, &found, |_, residuals| {
+    for (_, residuals) in identifier.residuals(&window.prepared, window.conditions, &found) {
         let now = residuals.to_array();
         for signal in 0..SIGNAL_COUNT {
             sum += 0.5 * weights[signal] * weights[signal] * earlier[signal] * now[signal];
         }
         (earlier, count) = (now, count + 1);
-    });
+    }
     let systematic = sum / f64::from(count.max(1));
     Ok(json!({
         "number": number, "entry": entry, "profile": format!("{profile:?}"), "truth": fault.to_array(), "k": found.fault.to_array(),

@@ -2,7 +2,7 @@
 
 use std::vec::Vec;
 
-use ema_models::{Comparison, Conditions, Signals};
+use ema_models::{Conditions, Signals};
 
 use super::Identifier;
 use crate::estimate::Estimate;
@@ -28,47 +28,42 @@ pub struct Fit {
     pub theta_out_fitted: Vec<f32>,
 }
 
-impl Identifier {
-    /// Calls `visit` with index and unweighted residuals of each measured sample for an estimate.
-    pub fn residuals(
-        &self,
-        window: &Prepared,
-        conditions: Conditions,
-        estimate: &Estimate,
-        visit: impl FnMut(usize, Signals<f64>),
-    ) {
-        let coefficients = self.calibration.coefficients();
-        self.residuals_of(&self.comparison(window, &coefficients, conditions), estimate, visit);
-    }
+/// Place and unweighted residuals of each measured sample of a window.
+pub type Residuals = Vec<(usize, Signals<f64>)>;
 
-    pub(super) fn residuals_of(
-        &self,
-        comparison: &Comparison<'_>,
-        estimate: &Estimate,
-        visit: impl FnMut(usize, Signals<f64>),
-    ) {
-        if estimate.deviations.is_empty() {
-            comparison.residuals(&estimate.unknowns, visit);
-        } else {
-            residuals_with_tolerances(comparison, &self.tolerances, estimate, visit);
-        }
-    }
-
-    /// The fit of an estimate to a window.
+impl Fit {
+    /// The fit with these residuals to a window.
     #[must_use]
-    pub fn fit(&self, window: &Prepared, conditions: Conditions, estimate: &Estimate) -> Fit {
+    pub fn new(window: &Prepared, residuals: &Residuals) -> Self {
         let samples = window.recording().samples;
-        let mut fit = Fit::default();
-        self.residuals(window, conditions, estimate, |n, r| {
-            let sample = &samples[n];
-            fit.samples.push(n);
+        let mut fit = Self::default();
+        for (n, r) in residuals {
+            let sample = &samples[*n];
+            fit.samples.push(*n);
             fit.i_q_measured.push(sample.i_q as f32);
             fit.i_q_fitted.push((sample.i_q - r.i_q) as f32);
             fit.omega_measured.push(sample.omega_m as f32);
             fit.omega_fitted.push((sample.omega_m - r.omega_m) as f32);
             fit.theta_out_measured.push(sample.theta_out as f32);
             fit.theta_out_fitted.push((sample.theta_out - r.theta_out) as f32);
-        });
+        }
         fit
+    }
+}
+
+impl Identifier {
+    /// The residuals of an estimate.
+    #[must_use]
+    pub fn residuals(&self, window: &Prepared, conditions: Conditions, estimate: &Estimate) -> Residuals {
+        let coefficients = self.calibration.coefficients();
+        let comparison = self.comparison(window, &coefficients, conditions);
+        let mut found = Residuals::new();
+        let visit = |n, residuals| found.push((n, residuals));
+        if estimate.deviations.is_empty() {
+            comparison.residuals(&estimate.unknowns, visit);
+        } else {
+            residuals_with_tolerances(&comparison, &self.tolerances, estimate, visit);
+        }
+        found
     }
 }

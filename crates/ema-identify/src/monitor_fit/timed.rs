@@ -53,6 +53,27 @@ impl FineResiduals {
     }
 }
 
+impl FineResiduals {
+    /// The part of a point's cost that is no noise: by products of neighbouring residuals, of either sign. A mean over the samples.
+    pub(crate) fn systematic_cost(&mut self, window: &Comparison<'_>, unknowns: &Unknowns) -> f64 {
+        let weights = window.weights.to_array();
+        let (mut before, mut sums) = ([0.0; SIGNAL_COUNT], [0.0; SIGNAL_COUNT]);
+        let samples = window.recording.samples;
+        for (now, _) in self
+            .at(window, unknowns)
+            .iter()
+            .zip(samples)
+            .filter(|(_, s)| s.measured)
+        {
+            for (signal, sum) in sums.iter_mut().enumerate() {
+                *sum += 0.5 * weights[signal] * weights[signal] * before[signal] * now[signal];
+            }
+            before = *now;
+        }
+        sums.iter().map(|sum| sum.abs()).sum::<f64>() / samples.len().max(1) as f64
+    }
+}
+
 impl<'a> Timed<'a> {
     /// In fine time; `coarse` is [`coarse_in_time`](super::coarse_in_time).
     pub(crate) fn new(fine: Comparison<'a>, coarse: &'a ActuatorParams, kept: &'a RefCell<FineResiduals>) -> Self {

@@ -290,10 +290,9 @@ fn by_relations(
         let is_locked = identifier.is_locked(prepared, conditions);
         Ok::<_, AssessError>(estimate_by_relations(relations, &aligned, is_locked))
     };
-    let (prepared, found) = estimate_without_outliers(identifier, &mut job.window, conditions, estimate, |found| {
+    let (fit, found) = estimate_without_outliers(identifier, &mut job.window, conditions, estimate, |found| {
         Some(&found.estimate)
     })?;
-    let fit = identifier.fit(&prepared, conditions, &found.estimate);
     effort.ran(stage, window_s, runs);
     Ok(Some((fit, found)))
 }
@@ -307,9 +306,8 @@ fn by_monitor(
     effort: &Effort<'_>,
 ) -> Result<Option<(Fit, UnitEstimate)>, AssessError> {
     let found = identify_without_outliers(identifier, &mut job.window, conditions, seed, effort)?;
-    Ok(found.map(|(prepared, estimate)| {
+    Ok(found.map(|(fit, estimate)| {
         // The curve is that of the monitor's own estimate.
-        let fit = identifier.fit(&prepared, conditions, &estimate);
         (fit, corrected(monitor, estimate, job.params.sensors.sample_rate))
     }))
 }

@@ -41,9 +41,6 @@ impl Estimator for Identification {
         effort: &Effort<'_>,
     ) -> Result<Option<(Estimate, Fit)>, AssessError> {
         let found = identify_without_outliers(identifier, &mut job.window, conditions, seed, effort)?;
-        Ok(found.map(|(prepared, estimate)| {
-            let fit = identifier.fit(&prepared, conditions, &estimate);
-            (estimate, fit)
-        }))
+        Ok(found.map(|(fit, estimate)| (estimate, fit)))
     }
 }

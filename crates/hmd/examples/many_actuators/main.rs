@@ -25,8 +25,11 @@ use hmd_ingest::live::LiveSource;
 use hmd_storage::recorder::{Recorder, metadata};
 use traffic::{Bus, PER_BUS, RATE_HZ, SAMPLES_PER_MINUTE, Template};
 
-/// Windows that compressed traffic lets identification lie behind; its queue holds 64.
+/// Windows that compressed traffic lets identification lie behind; its queue holds 64, as many as end at once.
 const BACKLOG_MAX: u64 = 32;
+
+/// Time without an assessed window after which traffic goes on: dropped ones never come.
+const STALLED: Duration = Duration::from_secs(2);
 
 /// One run.
 #[derive(Clone)]
@@ -147,7 +150,13 @@ fn run(case: &Case, templates: &Arc<[Template; 4]>, folder: &Path) -> anyhow::Re
             } else {
                 actuators * (second / 60)
             };
-            while ended > assessed.load(Ordering::Acquire) + BACKLOG_MAX {
+            let backlog = if spread { BACKLOG_MAX } else { 0 };
+            let (mut last, mut since) = (0, Instant::now());
+            while ended > assessed.load(Ordering::Acquire) + backlog && since.elapsed() < STALLED {
+                let now = assessed.load(Ordering::Acquire);
+                if now != last {
+                    (last, since) = (now, Instant::now());
+                }
                 std::thread::sleep(Duration::from_millis(1));
             }
             if number == 0

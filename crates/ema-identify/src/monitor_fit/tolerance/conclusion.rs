@@ -41,6 +41,10 @@ struct How {
     damping: f64,
     /// Linearisations at most.
     iterations: u32,
+    /// Decrease of the cost, as a share of it, by which no further step follows: the cost is some 1500, one standard deviation half a unit.
+    cost_tolerance: f64,
+    /// The same of a decrease that is expected.
+    expected_tolerance: f64,
 }
 
 impl How {
@@ -50,39 +54,54 @@ impl How {
     const FROM_A_FIT: Self = Self {
         damping: 0.1,
         iterations: 8,
+        cost_tolerance: 3e-3,
+        expected_tolerance: 1e-3,
     };
 
-    /// From where it did not fit: the faults there stand for what nuisances explain.
+    /// From where it fits less well: what is left is not noise but what nuisances explain.
+    const FROM_A_POOR_FIT: Self = Self {
+        damping: 1e-3,
+        iterations: 8,
+        ..Self::FROM_A_MISFIT
+    };
+
+    /// From where it did not fit: the faults there stand for what nuisances explain, and how much those explain in the end says whether the
+    /// window is modelled.
     const FROM_A_MISFIT: Self = Self {
         damping: 1e-6,
         iterations: 16,
+        cost_tolerance: 1e-3,
+        expected_tolerance: 1e-4,
     };
 
-    /// From where another descent ended, which had other weights or another magnet.
-    const NEARBY: Self = Self {
-        damping: 0.1,
-        iterations: 4,
-    };
+    /// From where this one ended, with other weights or another magnet.
+    fn nearby(self) -> Self {
+        Self {
+            damping: self.damping.max(NEARBY_DAMPING),
+            iterations: 4,
+            ..self
+        }
+    }
 
     /// From an optimum without nuisances of this cost.
     fn from(window: &Comparison<'_>, cost: f64) -> Self {
         let expected = 0.5 * window.weighted_signals() * window.sample_count() as f64;
         if cost <= FITS * expected {
             Self::FROM_A_FIT
+        } else if cost <= FITS_POORLY * expected {
+            Self::FROM_A_POOR_FIT
         } else {
             Self::FROM_A_MISFIT
         }
     }
 }
 
-/// Cost, relative to what noise makes of it, up to which a window without nuisances fits.
-const FITS: f64 = 3.0;
+/// Cost, relative to what noise makes of it, up to which a window without nuisances fits, and fits poorly.
+const FITS: f64 = 1.5;
+const FITS_POORLY: f64 = 3.0;
 
-/// Decrease of the cost, as a share of it, by which no further step follows: the cost is some 1500, one standard deviation half a unit.
-const COST_TOLERANCE: f64 = 3e-3;
-
-/// The same of a decrease that is expected.
-const EXPECTED_TOLERANCE: f64 = 1e-3;
+/// Least damping of a descent that begins where another one ended.
+const NEARBY_DAMPING: f64 = 1e-3;
 
 /// Trials that a linearisation takes at most, on average.
 const TRIALS_PER_STEP: u32 = 3;
@@ -151,13 +170,13 @@ pub(crate) fn conclude_with_tolerances(
         }
     }
     let reweighted = problem.with_weights(weights_by_noise(&problem, mismatch, &first.at));
-    let refined = descend(&reweighted, first.at, &mut known, How::NEARBY, share);
+    let refined = descend(&reweighted, first.at, &mut known, how.nearby(), share);
     let undecided = undecided_difference(window, first.cost);
     let (second_spent, second_cut) = second.as_ref().map_or((0, false), |second| (second.spent, second.cut));
     let as_good = second
         .filter(|second| second.cost - first.cost < undecided)
         .map(|second| second.at);
-    let (magnet, more) = weak_magnet(&reweighted, &refined, &mut known, share);
+    let (magnet, more) = weak_magnet(&reweighted, &refined, &mut known, how.nearby(), share);
     let (at, other_motor) = match &magnet {
         WeakMagnet::Yes(other) => (*other, true),
         WeakMagnet::No | WeakMagnet::Perhaps(_) => (refined.at, false),
@@ -242,6 +261,7 @@ fn weak_magnet<'a>(
     problem: &Problem<'a>,
     optimum: &Descent,
     derivatives: &mut Known<'a>,
+    how: How,
     budget: u64,
 ) -> (WeakMagnet, u64) {
     let common = common_short(&optimum.at);
@@ -258,7 +278,7 @@ fn weak_magnet<'a>(
         *phase -= common;
     }
     start[MOTOR_COORDINATES[1]] -= common;
-    let found = descend(&open, start, derivatives, How::NEARBY, budget);
+    let found = descend(&open, start, derivatives, how, budget);
     let before = open.cost(&optimum.at);
     let allowed = undecided_difference(problem.comparison(), found.cost.min(before));
     let spent = found.spent + 1;
@@ -319,8 +339,8 @@ fn descend<'a>(problem: &Problem<'a>, start: Point, known: &mut Known<'a>, how: 
         max_evaluations: (1 + TRIALS_PER_STEP) * iterations,
         initial_damping: how.damping,
         step_tolerance: 1e-6,
-        cost_tolerance: COST_TOLERANCE,
-        expected_tolerance: EXPECTED_TOLERANCE,
+        cost_tolerance: how.cost_tolerance,
+        expected_tolerance: how.expected_tolerance,
         ..LmConfig::default()
     };
     let corrected = problem.corrected();

@@ -24,6 +24,8 @@ pub(crate) use locked::is_locked;
 #[cfg(feature = "std")]
 mod population;
 mod recorded_window;
+#[cfg(feature = "std")]
+mod residuals_at;
 mod streamed;
 #[cfg(feature = "std")]
 mod timed;

@@ -208,7 +208,7 @@ impl LaneWork for AddGram<'_> {
 /// Rows whose products are summed in single precision.
 const ROWS_AT_ONCE: usize = 32;
 
-/// Sums in one register of the widest kind but one.
+/// Sums in one register of 256 bits.
 const SUMS_AT_ONCE: usize = 8;
 
 /// Lines of sums that share the loads of a row.

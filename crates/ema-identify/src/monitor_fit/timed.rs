@@ -2,7 +2,6 @@
 
 use core::cell::RefCell;
 use core::mem;
-use std::vec::Vec;
 
 use ema_models::{
     ActuatorParams, COST_LANES, Comparison, Conditions, Coordinates, MotorKnowledge, NormalEquations, Prior,
@@ -10,6 +9,7 @@ use ema_models::{
 };
 
 use super::coarse_time::Time;
+use super::residuals_at::{ResidualsAt, Rows};
 use super::window::{InTime, MonitoredWindow};
 
 /// A comparison and the actuator in coarse time.
@@ -24,36 +24,21 @@ pub(crate) struct Timed<'a> {
 /// Residuals of fine time at the last two points: a descent linearises where it has just computed a cost, and ends at one of them.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FineResiduals {
-    last: ResidualsAt,
-    before: ResidualsAt,
-}
-
-/// Residuals of one point, unweighted, zero where a sample was not measured.
-#[derive(Clone, Debug, Default)]
-struct ResidualsAt {
-    at: Option<Unknowns>,
-    rows: Vec<[f64; SIGNAL_COUNT]>,
+    last: ResidualsAt<Unknowns>,
+    before: ResidualsAt<Unknowns>,
 }
 
 impl FineResiduals {
     /// Those of a window at a point.
-    pub(crate) fn at(&mut self, window: &Comparison<'_>, unknowns: &Unknowns) -> &[[f64; SIGNAL_COUNT]] {
-        let of_point = Some(*unknowns);
-        if self.last.at != of_point {
+    pub(super) fn at(&mut self, window: &Comparison<'_>, unknowns: &Unknowns) -> &Rows {
+        if self.last.at != Some(*unknowns) {
             mem::swap(&mut self.last, &mut self.before);
         }
-        let last = &mut self.last;
-        if last.at != of_point {
-            last.at = of_point;
-            last.rows.clear();
-            last.rows.resize(window.sample_count(), [0.0; SIGNAL_COUNT]);
-            window.residuals(unknowns, |n, r| last.rows[n] = r.to_array());
-        }
-        &last.rows
+        self.last.of(unknowns, window.sample_count(), |rows| {
+            window.residuals(unknowns, |n, r| rows[n] = r.to_array());
+        })
     }
-}
 
-impl FineResiduals {
     /// The part of a point's cost that is no noise: by products of neighbouring residuals, of either sign. A mean over the samples.
     pub(crate) fn systematic_cost(&mut self, window: &Comparison<'_>, unknowns: &Unknowns) -> f64 {
         let weights = window.weights.to_array();

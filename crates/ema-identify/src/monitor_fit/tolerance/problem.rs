@@ -11,6 +11,7 @@ use nalgebra::{SMatrix, SVector};
 
 use super::basis::{Basis, CHANGE_COUNT};
 use super::nuisance::{Action, Hardware, LINK_VOLTAGE, NUISANCE_COUNT, NUISANCES, sigmas};
+use crate::monitor_fit::residuals_at::{ResidualsAt, Rows};
 
 /// Unknowns of the window, then nuisances in standard deviations.
 pub(super) const DIMENSION: usize = UNKNOWN_COUNT + NUISANCE_COUNT;
@@ -34,7 +35,7 @@ pub(super) const HEALTHY_BACKLASH: f64 = 1.0 / 99.0;
 #[derive(Clone, Debug)]
 pub(super) struct Problem<'a> {
     comparison: Comparison<'a>,
-    /// The actuator whose derivatives count, in fine or in coarse time; the residuals are those of fine time.
+    /// The actuator whose derivatives count, in fine or in coarse time.
     differentiated: &'a ActuatorParams,
     basis: &'a Basis,
     scale: Scale,
@@ -43,7 +44,7 @@ pub(super) struct Problem<'a> {
     on_signals: [(usize, usize); CHANGE_COUNT],
     /// Step of the finite differences along the unknowns.
     step: f64,
-    /// Whether the residuals are those of coarse time, corrected at an anchor.
+    /// Whether the residuals are those of coarse time, corrected at an anchor, not those of fine time.
     is_corrected: bool,
     buffers: &'a Buffers,
 }
@@ -55,27 +56,17 @@ pub(super) struct Buffers {
     rows: RefCell<Vec<Vec<GramRow>>>,
 }
 
-/// Residuals of the last points, and those that are added.
+/// Residuals of the last points of fine and of coarse time, and what the former have beyond the latter at the anchor.
 #[derive(Debug, Default)]
 struct LastResiduals {
-    fine: ResidualsAt,
-    coarse: ResidualsAt,
-    /// Those of coarse time with the correction.
-    corrected: Vec<[f64; SIGNAL_COUNT]>,
-    /// What those of fine time have beyond them at the anchor.
-    correction: Vec<[f64; SIGNAL_COUNT]>,
-}
-
-/// Unweighted residuals of each sample at a point, zero where it was not measured.
-#[derive(Debug, Default)]
-struct ResidualsAt {
-    at: Option<Point>,
-    rows: Vec<[f64; SIGNAL_COUNT]>,
+    fine: ResidualsAt<Point>,
+    coarse: ResidualsAt<Point>,
+    correction: Rows,
 }
 
 impl Buffers {
     /// With the residuals of fine time at a point.
-    pub(super) fn with_residuals(at: Point, rows: Vec<[f64; SIGNAL_COUNT]>) -> Self {
+    pub(super) fn with_residuals(at: Point, rows: Rows) -> Self {
         let fine = ResidualsAt { at: Some(at), rows };
         Self {
             residuals: RefCell::new(LastResiduals {
@@ -84,17 +75,6 @@ impl Buffers {
             }),
             ..Self::default()
         }
-    }
-}
-
-impl ResidualsAt {
-    /// Those of a point, which `run` computes unless it was the last one.
-    fn of(&mut self, at: &Point, run: impl FnOnce(&mut Vec<[f64; SIGNAL_COUNT]>)) -> &[[f64; SIGNAL_COUNT]] {
-        if self.at != Some(*at) {
-            self.at = Some(*at);
-            run(&mut self.rows);
-        }
-        &self.rows
     }
 }
 
@@ -141,21 +121,21 @@ impl<'a> Problem<'a> {
         if !self.is_corrected {
             return;
         }
+        let mut last = self.buffers.residuals.borrow_mut();
         let LastResiduals {
             fine,
             coarse,
-            corrected,
             correction,
-        } = &mut *self.buffers.residuals.borrow_mut();
-        let fine = fine.of(at, |rows| self.run(self.comparison.params, at, rows));
-        let coarse = coarse.of(at, |rows| self.run(self.differentiated, at, rows));
+        } = &mut *last;
         let beyond = |(fine, coarse): (&[f64; SIGNAL_COUNT], &[f64; SIGNAL_COUNT])| -> [f64; SIGNAL_COUNT] {
             core::array::from_fn(|s| fine[s] - coarse[s])
         };
+        let pairs = self
+            .run(fine, self.comparison.params, at)
+            .iter()
+            .zip(self.run(coarse, self.differentiated, at));
         correction.clear();
-        correction.extend(fine.iter().zip(coarse).map(beyond));
-        corrected.clear();
-        corrected.extend_from_slice(fine);
+        correction.extend(pairs.map(beyond));
     }
 
     pub(super) fn with_weights(&self, weights: Weights) -> Self {
@@ -279,41 +259,40 @@ impl<'a> Problem<'a> {
 
     /// Calls `visit` with index and unweighted residuals of each measured sample.
     pub(super) fn residuals(&self, at: &Point, mut visit: impl FnMut(usize, [f64; SIGNAL_COUNT])) {
+        let mut last = self.buffers.residuals.borrow_mut();
         let LastResiduals {
             fine,
             coarse,
-            corrected,
             correction,
-        } = &mut *self.buffers.residuals.borrow_mut();
+        } = &mut *last;
         let found = if self.is_corrected {
-            let coarse = coarse.of(at, |rows| self.run(self.differentiated, at, rows));
-            let sum = |(coarse, correction): (&[f64; SIGNAL_COUNT], &[f64; SIGNAL_COUNT])| -> [f64; SIGNAL_COUNT] {
-                core::array::from_fn(|s| coarse[s] + correction[s])
-            };
-            corrected.clear();
-            corrected.extend(coarse.iter().zip(&*correction).map(sum));
-            corrected
+            self.run(coarse, self.differentiated, at)
         } else {
-            fine.of(at, |rows| self.run(self.comparison.params, at, rows))
+            self.run(fine, self.comparison.params, at)
         };
         for (n, sample) in self.comparison.recording.samples.iter().enumerate() {
             if sample.measured {
-                visit(n, found[n]);
+                let beyond = if self.is_corrected {
+                    correction[n]
+                } else {
+                    [0.0; SIGNAL_COUNT]
+                };
+                visit(n, core::array::from_fn(|s| found[n][s] + beyond[s]));
             }
         }
     }
 
-    /// Residuals of the monitor of an actuator at a point.
-    fn run(&self, params: &ActuatorParams, at: &Point, rows: &mut Vec<[f64; SIGNAL_COUNT]>) {
-        rows.clear();
-        rows.resize(self.comparison.recording.samples.len(), [0.0; SIGNAL_COUNT]);
-        let variant = self.variant(params, at);
-        self.comparison
-            .residuals_of_variant(&variant, &self.basis.torques, |n, residuals| {
-                let change = self.change(at, n);
-                let residuals = residuals.to_array();
-                rows[n] = core::array::from_fn(|s| residuals[s] - change[s]);
-            });
+    /// Residuals of the monitor of an actuator at a point, unless they are there.
+    fn run<'r>(&self, residuals: &'r mut ResidualsAt<Point>, params: &ActuatorParams, at: &Point) -> &'r Rows {
+        residuals.of(at, self.comparison.recording.samples.len(), |rows| {
+            let variant = self.variant(params, at);
+            self.comparison
+                .residuals_of_variant(&variant, &self.basis.torques, |n, residuals| {
+                    let change = self.change(at, n);
+                    let residuals = residuals.to_array();
+                    rows[n] = core::array::from_fn(|s| residuals[s] - change[s]);
+                });
+        })
     }
 
     /// Mean over the samples of half the squared weighted residuals, without the prior.

@@ -53,7 +53,7 @@ fn report(unit: &Unit) {
     let params = unit.params();
     let recordings = simulated(&unit.healthy()[..1]);
     let window = MeasuredWindow::new(&params, &recordings[0], &[]);
-    const RUNS: u32 = 20;
+    const RUNS: u32 = 200;
     let start = Instant::now();
     for _ in 0..RUNS {
         std::hint::black_box(learnt.estimate(std::hint::black_box(&window)));

@@ -40,6 +40,7 @@ mod free_coefficients;
 mod gear_loss;
 mod hidden_torque;
 mod jackknife;
+mod kept;
 mod kernel;
 mod measured;
 #[cfg(feature = "std")]
@@ -50,6 +51,7 @@ mod normal_equations;
 mod output_load;
 mod overlap;
 mod residual;
+mod sample_reading;
 mod setpoint_delay;
 mod shared;
 mod shorted_loop;

@@ -22,6 +22,7 @@ const STEP_ANGLE: f64 = 0.4;
 const MAX_INSTANTS: f64 = 40.0;
 
 /// The interval from one sample to the next.
+#[derive(Clone, Copy)]
 pub(super) struct Interval {
     angle_in_turn: f64,
     pole_pairs: f64,
@@ -94,16 +95,15 @@ impl Interval {
         }
     }
 
+    /// Motor angle within its turn at a share of the interval, rad.
+    pub(super) fn angle_in_turn_at(&self, share: f64) -> f64 {
+        self.angle_in_turn + weighted(&cubic(share), &self.angle)
+    }
+
     /// The instant at a share of the interval.
     pub(super) fn at(&self, share: f64) -> Instant {
         let weights = cubic(share);
-        let of = |values: &[f64; 4]| {
-            weights
-                .iter()
-                .zip(values)
-                .map(|(weight, value)| weight * value)
-                .sum::<f64>()
-        };
+        let of = |values| weighted(&weights, values);
         let angle_in_turn = self.angle_in_turn + of(&self.angle);
         let sin_cos_e = (self.pole_pairs * angle_in_turn).sin_cos_poly();
         Instant {
@@ -112,6 +112,10 @@ impl Interval {
             i: abc_from_alpha_beta(alpha_beta_from_dq([of(&self.direct), of(&self.quadrature)], sin_cos_e)),
         }
     }
+}
+
+fn weighted(weights: &[f64; 4], values: &[f64; 4]) -> f64 {
+    weights.iter().zip(values).map(|(weight, value)| weight * value).sum()
 }
 
 /// Weights of values at −1, 0, 1 and 2 in the cubic through them, at `x`.

@@ -391,7 +391,7 @@ fn window_sums<S: RecordedSample>(
 ) -> NormalEquations<WINDOW_COUNT> {
     let mut sums = NormalEquations::new();
     let mut ring = BalanceRing::new(kernel.span);
-    for row in balance_rows(window, shape, WindowState::healthy(load), kernel, None, &mut ring).flatten() {
+    for row in balance_rows(window, shape, WindowState::healthy(load), kernel, &mut ring).flatten() {
         let (a, y) = scale.row(&row, window.params().motor.j);
         sums.add(&a, y);
     }

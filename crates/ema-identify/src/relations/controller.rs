@@ -15,7 +15,8 @@ use nalgebra::{SVector, Vector1};
 use super::compliance::Compliance;
 use super::elements::{Needed, Reading};
 use super::jackknife::Jackknife;
-use super::kernel::Kernel;
+use super::kept::Kept;
+use super::kernel::{Kernel, MAX_SPAN};
 use super::measured::MeasuredWindow;
 use super::normal_equations::{NormalEquations, Solution};
 use super::overlap::Overlap;
@@ -62,8 +63,9 @@ pub(super) fn gain_ratio<S: RecordedSample>(
     if !window.inner().any(|n| window.position_error(n).is_some()) {
         return Err(Needed::PositionMode);
     }
-    let law = Law::new(window, &kernel, 1, known).ok_or(Needed::UnsaturatedControl)?;
-    ratio(window, &law, &kernel, known).ok_or(Needed::UnsaturatedControl)
+    let mut rows = LawRows::new(window, &kernel, 1, known.delay_s);
+    let law = Law::new(&mut rows, known).ok_or(Needed::UnsaturatedControl)?;
+    ratio(&mut rows, &law, known).ok_or(Needed::UnsaturatedControl)
 }
 
 /// Scale of the torque that a window shows by itself, drawn towards zero; `None` where it shows none.
@@ -78,7 +80,8 @@ pub(super) fn free_scale<S: RecordedSample>(
         scale: None,
         delay_s: Some(delay_s),
     };
-    Some(Law::new(window, &kernel, 1, known)?.solution.x[SCALE])
+    let mut rows = LawRows::new(window, &kernel, 1, known.delay_s);
+    Some(Law::new(&mut rows, known)?.solution.x[SCALE])
 }
 
 /// The law of one window, solved.
@@ -90,25 +93,23 @@ pub(super) struct Law {
 }
 
 impl Law {
-    /// Solves the law on blocks of so many samples; `None` where too few rows are without limits.
+    /// Solves the law; `None` where too few rows are without limits.
     #[inline(never)]
-    pub(super) fn new<S: RecordedSample>(
-        window: &MeasuredWindow<'_, S>,
-        kernel: &Kernel,
-        block: usize,
-        known: LawKnowledge,
-    ) -> Option<Self> {
+    pub(super) fn new<S: RecordedSample>(rows: &mut LawRows<'_, S>, known: LawKnowledge) -> Option<Self> {
         let mut equations = NormalEquations::new();
-        for (row, d_torque) in law_rows(window, kernel, block, known.delay_s).flatten() {
-            equations.add(&row, d_torque);
-        }
-        if equations.rows < MIN_INDEPENDENT * kernel.span {
+        rows.each(|row| {
+            if let Some((row, d_torque)) = row {
+                equations.add(row, *d_torque);
+            }
+        });
+        let span = rows.kernel.span;
+        if equations.rows < MIN_INDEPENDENT * span {
             return None;
         }
         let free = equations.solve()?;
         // Neighbouring rows share a kernel.
-        let variance = free.residual_rms * free.residual_rms * kernel.span as f64;
-        let sigma = OFFSET_SHARE * window.params().motor.i_max;
+        let variance = free.residual_rms * free.residual_rms * span as f64;
+        let sigma = OFFSET_SHARE * rows.window.params().motor.i_max;
         for offset in OFFSETS {
             equations.ata[(offset, offset)] += variance / (sigma * sigma);
         }
@@ -141,74 +142,114 @@ impl Law {
 /// Weight of a known unknown, as a multiple of the information of all rows.
 const FIXED: f64 = 1e6;
 
-/// Rows of the law, one for each block of so many inner samples, whose means the kernel smooths: factors of the unknowns, and T', Nm/s;
-/// `None` unless neither speed nor torque is at its limit under the kernel that ends there.
-pub(super) fn law_rows<S: RecordedSample>(
-    window: &MeasuredWindow<'_, S>,
-    kernel: &Kernel,
+/// A row of the law: factors of the unknowns, and T', Nm/s.
+pub(super) type LawRow = ([f64; LAW_COUNT], f64);
+
+/// Rows of the law, one for each block of so many inner samples, whose means the kernel smooths.
+pub(super) struct LawRows<'a, S> {
+    pub(super) window: &'a MeasuredWindow<'a, S>,
+    pub(super) kernel: &'a Kernel,
     block: usize,
     delay_s: Option<f64>,
-) -> impl Iterator<Item = Option<([f64; LAW_COUNT], f64)>> {
-    let window = *window;
-    let controller = &window.params().controller;
-    let torque_gain = window.params().motor.torque_gain();
-    let mut ring = Sliding::<QUANTITIES>::new(kernel.span);
-    let (begin, blocks) = (window.inner().start, window.inner().len() / block);
-    (0..blocks).map(move |place| {
-        let mut mean = [0.0; QUANTITIES];
-        for n in (begin + place * block..).take(block) {
-            let Some(measured) = law_quantities(&window, n) else {
-                ring.clear();
-                return None;
+    kept: Kept<Option<LawRow>>,
+}
+
+impl<'a, S: RecordedSample> LawRows<'a, S> {
+    /// Of blocks of so many samples, with the time from the logged set point to its effect, s, where that is no unknown.
+    pub(super) fn new(
+        window: &'a MeasuredWindow<'a, S>,
+        kernel: &'a Kernel,
+        block: usize,
+        delay_s: Option<f64>,
+    ) -> Self {
+        Self {
+            window,
+            kernel,
+            block,
+            delay_s,
+            kept: Kept::new(window.len()),
+        }
+    }
+
+    /// Passes each row; `None` unless neither speed nor torque is at its limit under the kernel that ends there.
+    pub(super) fn each(&mut self, mut pass: impl FnMut(Option<&LawRow>)) {
+        let (window, block, delay_s) = (self.window, self.block, self.delay_s);
+        let weights = row_weights(window, self.kernel);
+        let mut ring = Sliding::<QUANTITIES>::new(self.kernel.span);
+        let (begin, blocks) = (window.inner().start, window.inner().len() / block);
+        for place in 0..blocks {
+            let make = || {
+                let Some(mean) = mean_quantities(window, begin + place * block, block) else {
+                    ring.clear();
+                    return None;
+                };
+                ring.push(mean);
+                let of_unknowns = |[reference, omega, lag, sin, cos, delayed, d_torque]: [f64; QUANTITIES]| {
+                    let (known, unknown) = delay_s.map_or((0.0, delayed), |delay_s| (delay_s * delayed, 0.0));
+                    ([reference + known, omega, lag, sin, cos, unknown], d_torque)
+                };
+                ring.is_full().then(|| of_unknowns(ring.weighted_sums(&weights)))
             };
-            for (mean, measured) in mean.iter_mut().zip(measured) {
-                *mean += measured / block as f64;
-            }
+            self.kept.with(place, make, |row| pass(row.as_ref()));
         }
-        ring.push(mean);
-        if !ring.is_full() {
-            return None;
+    }
+}
+
+/// Means of the quantities over so many samples; `None` where those of one are.
+fn mean_quantities<S: RecordedSample>(
+    window: &MeasuredWindow<'_, S>,
+    first: usize,
+    count: usize,
+) -> Option<[f64; QUANTITIES]> {
+    let mut mean = [0.0; QUANTITIES];
+    for n in (first..).take(count) {
+        for (mean, measured) in mean.iter_mut().zip(law_quantities(window, n)?) {
+            *mean += measured / count as f64;
         }
-        let [reference, omega, ..] = ring.sums(&kernel.smooth);
-        let [d_reference, d_omega, d_torque, d_command, d_sin, d_cos] = ring.sums(&kernel.first);
-        let [_, _, dd_torque, dd_command, ..] = ring.sums(&kernel.second);
-        let law = |d: f64, value: f64| controller.k_p * d + controller.k_i * value;
-        let delayed = -law(dd_command, d_command);
-        let (known, unknown) = delay_s.map_or((0.0, delayed), |delay_s| (delay_s * delayed, 0.0));
-        Some((
-            [
-                law(d_reference, reference) + known,
-                -law(d_omega, omega),
-                -dd_torque,
-                // i_q = −i_α sin θ_e + i_β cos θ_e.
-                -torque_gain * d_sin,
-                torque_gain * d_cos,
-                unknown,
-            ],
-            d_torque,
-        ))
-    })
+    }
+    Some(mean)
 }
 
 /// Quantities of a sample that the kernel smooths.
-const QUANTITIES: usize = 6;
+const QUANTITIES: usize = LAW_COUNT + 1;
 
-/// Speed reference, speed, both rad/s, torque that the controller asks for, whatever the motor makes of it, Nm, what the set point
-/// has of the reference since the first sample, rad/s, sine and cosine of the electrical angle; `None` where speed or torque is at its limit or the sample was not measured.
+/// Weights of the quantities in the factors of the unknowns, and in T'.
+fn row_weights<S: RecordedSample>(window: &MeasuredWindow<'_, S>, kernel: &Kernel) -> [[f64; QUANTITIES]; MAX_SPAN] {
+    let controller = &window.params().controller;
+    let torque_gain = window.params().motor.torque_gain();
+    core::array::from_fn(|m| {
+        let (smooth, first, second) = (kernel.smooth[m], kernel.first[m], kernel.second[m]);
+        let law = |d: f64, value: f64| controller.k_p * d + controller.k_i * value;
+        [
+            law(first, smooth),
+            -law(first, smooth),
+            -second,
+            // i_q = −i_α sin θ_e + i_β cos θ_e.
+            -torque_gain * first,
+            torque_gain * first,
+            -law(second, first),
+            first,
+        ]
+    })
+}
+
+/// Speed reference, speed, both rad/s, torque that the controller asks for, whatever the motor makes of it, Nm, sine and cosine of the
+/// electrical angle, what the set point has of the reference since the first sample, rad/s, and the torque again; `None` where speed or
+/// torque is at its limit or the sample was not measured.
 fn law_quantities<S: RecordedSample>(window: &MeasuredWindow<'_, S>, n: usize) -> Option<[f64; QUANTITIES]> {
     let params = window.params();
     let g_p = params.controller.g_p;
     let reference = g_p * window.position_error(n)?;
     let command = g_p * (window.commanded_angle(n)? - window.commanded_angle(0)?);
-    let now = window.quantities(n);
+    let now = window.instant(n);
     let [_, quadrature] = dq_from_abc(now.i, now.sin_cos_e);
-    let limited = now.speed_reference >= SPEED_SHARE || window.is_current_limited(quadrature);
+    let limited = window.speed_reference(n) >= SPEED_SHARE || window.is_current_limited(quadrature);
     if limited || !window.is_measured(n) {
         return None;
     }
     let torque = params.motor.torque_gain() * quadrature;
     let (sin, cos) = now.sin_cos_e;
-    Some([reference, window.central_speed(n), torque, command, sin, cos])
+    Some([reference, window.central_speed(n), torque, sin, cos, command, torque])
 }
 
 /// Kernels whose rows do not overlap, at least, for a ratio.
@@ -216,25 +257,23 @@ const MIN_INDEPENDENT: usize = 4;
 
 /// Ratio of the first two unknowns and its standard deviation; `None` where the rows do not show it.
 #[inline(never)]
-fn ratio<S: RecordedSample>(
-    window: &MeasuredWindow<'_, S>,
-    law: &Law,
-    kernel: &Kernel,
-    known: LawKnowledge,
-) -> Option<(Reading, Residual)> {
+fn ratio<S: RecordedSample>(rows: &mut LawRows<'_, S>, law: &Law, known: LawKnowledge) -> Option<(Reading, Residual)> {
     let Law {
         equations, solution, ..
     } = law;
+    let kernel = rows.kernel;
     let mut overlap = Overlap::<LAW_COUNT>::new(&kernel.first, kernel.span);
     let no_noise = SVector::zeros();
-    let mut groups = Jackknife::<LAW_COUNT, 1>::new(window.len(), equations, solution, &no_noise);
+    let mut groups = Jackknife::<LAW_COUNT, 1>::new(rows.window.len(), equations, solution, &no_noise);
     let of = |x: &SVector<f64, LAW_COUNT>| Vector1::new(x[GAIN] / x[SCALE]);
-    for (n, row) in law_rows(window, kernel, 1, known.delay_s).enumerate() {
-        overlap.add(row.as_ref().map(|(row, _)| row));
-        if let Some((row, d_torque)) = &row {
+    let mut n = 0;
+    rows.each(|row| {
+        overlap.add(row.map(|(row, _)| row));
+        if let Some((row, d_torque)) = row {
             groups.add(n, (row, *d_torque), of);
         }
-    }
+        n += 1;
+    });
     let covariance = overlap.covariance(equations, solution);
     let (g, h) = (solution.x[GAIN], solution.x[SCALE]);
     let gradient = gradient_of_ratio(&solution.x);

@@ -23,7 +23,7 @@ pub(super) fn current_noise<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -
     let (mut logarithms, mut count) = (0.0, 0.0);
     let mut last = [0.0; 2];
     for (place, n) in window.inner().enumerate() {
-        let now = window.quantities(n);
+        let now = window.instant(n);
         let direct = dq_from_abc(now.i, now.sin_cos_e)[0];
         let difference = direct - 2.0 * last[1] + last[0];
         if place >= 2 && window.is_measured(n) && difference.is_finite() {

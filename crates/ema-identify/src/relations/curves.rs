@@ -6,7 +6,7 @@ use ema_models::follow_through_play;
 
 use super::commissioned::{CommissionedRelations, RelationsEstimate};
 use super::compliance::Compliance;
-use super::controller::{Law, law_rows};
+use super::controller::{Law, LawRows};
 use super::elements::Element;
 use super::kernel::{HALF_WIDTHS_S, Kernel};
 use super::measured::{MARGIN, MeasuredWindow};
@@ -115,7 +115,6 @@ impl CommissionedRelations {
             &self.balance.shape,
             WindowState::healthy(load),
             &kernel,
-            None,
             &mut ring,
         )
         .enumerate()
@@ -143,19 +142,20 @@ impl CommissionedRelations {
         let rate = window.params().sensors.sample_rate;
         let kernel = Kernel::new(self.gain_half_width_s, rate, &Compliance::RIGID);
         let known = self.law_knowledge(None);
-        let Some(Law { solution, .. }) = Law::new(window, &kernel, 1, known) else {
-            return Vec::new();
-        };
-        law_rows(window, &kernel, 1, known.delay_s)
-            .enumerate()
-            .map(|(n, row)| CurvePoint {
-                time_s: centre_s(n, &kernel, rate),
-                sides: row.map(|(row, d_torque)| {
-                    let modelled = row.iter().zip(&solution.x).map(|(a, x)| a * x).sum();
-                    [d_torque, modelled]
-                }),
-            })
-            .collect()
+        let mut rows = LawRows::new(window, &kernel, 1, known.delay_s);
+        let mut points = Vec::new();
+        if let Some(Law { solution, .. }) = Law::new(&mut rows, known) {
+            rows.each(|row| {
+                points.push(CurvePoint {
+                    time_s: centre_s(points.len(), &kernel, rate),
+                    sides: row.map(|(row, d_torque)| {
+                        let modelled = row.iter().zip(&solution.x).map(|(a, x)| a * x).sum();
+                        [*d_torque, modelled]
+                    }),
+                });
+            });
+        }
+        points
     }
 
     /// Output angle against that behind the unit's play, both less the motor angle at the output and smoothed over the encoder's counts,

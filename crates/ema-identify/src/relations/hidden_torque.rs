@@ -25,12 +25,12 @@ pub(super) fn unseen_share<S: RecordedSample>(window: &MeasuredWindow<'_, S>) ->
     let (torque_gain, k_p) = (params.motor.torque_gain(), params.controller.k_p);
     let (mut mixed, mut squares) = (0.0, 0.0);
     for n in window.inner() {
-        let now = window.quantities(n);
+        let now = window.instant(n);
         let [_, quadrature] = dq_from_abc(now.i, now.sin_cos_e);
         let torque = torque_gain * quadrature;
         squares += torque * torque;
-        if now.speed_reference < 1.0 && !window.is_current_limited(quadrature) {
-            mixed += torque * k_p * now.reference_step;
+        if window.speed_reference(n) < 1.0 && !window.is_current_limited(quadrature) {
+            mixed += torque * k_p * window.mean_reference_step(n);
         }
     }
     UNSEEN_PART * libm::fabs(mixed) / f64::max(squares, f64::MIN_POSITIVE)

@@ -219,25 +219,44 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
     pub(super) fn quantities(&self, n: usize) -> Quantities {
         let sensors = &self.params.sensors;
         let (motor_lsb, rate) = (sensors.motor_lsb(), sensors.sample_rate);
-        let [first, two_before, before, now, after, two_after] =
-            [0, n - 2, n - 1, n, n + 1, n + 2].map(|n| self.sensed(n));
-        let per_turn = sensors.motor_counts_per_rev as i64;
-        let angle_in_turn =
-            (number_of_counts(remainder(now.motor_counts, per_turn)) + 0.5) * TAU / sensors.motor_counts_per_rev;
-        let turned = after.motor_counts + two_after.motor_counts - before.motor_counts - two_before.motor_counts;
+        let motor_counts = |n: usize| self.sensed(n).motor_counts;
+        let (before, after) = (self.sensed(n - 1).currents, self.sensed(n + 1).currents);
+        let turned = motor_counts(n + 1) + motor_counts(n + 2) - motor_counts(n - 1) - motor_counts(n - 2);
+        let Instant {
+            angle_in_turn,
+            sin_cos_e,
+            i,
+        } = self.instant(n);
         Quantities {
-            i: now.currents,
-            di: core::array::from_fn(|j| 0.5 * (after.currents[j] - before.currents[j]) * rate),
-            theta_m: number_of_counts(now.motor_counts - first.motor_counts) * motor_lsb,
+            i,
+            di: core::array::from_fn(|j| 0.5 * (after[j] - before[j]) * rate),
+            theta_m: number_of_counts(motor_counts(n) - motor_counts(0)) * motor_lsb,
             angle_in_turn,
             omega_m: number_of_counts(turned) * motor_lsb * rate / 6.0,
             travel: self.travelled(n),
-            reference_step: 0.5
-                * (self.reference_step(two_before.setpoint, before.setpoint)
-                    + self.reference_step(before.setpoint, now.setpoint)),
+            reference_step: self.mean_reference_step(n),
             speed_reference: self.speed_reference(n),
-            is_position: matches!(now.setpoint, Setpoint::Position(_)),
+            is_position: matches!(self.sensed(n).setpoint, Setpoint::Position(_)),
+            sin_cos_e,
+        }
+    }
+
+    /// Change of the speed reference that the last two set points made, mean of both, rad/s.
+    pub(super) fn mean_reference_step(&self, n: usize) -> f64 {
+        let setpoint = |n: usize| self.sensed(n).setpoint;
+        let [two_before, before, now] = [setpoint(n - 2), setpoint(n - 1), setpoint(n)];
+        0.5 * (self.reference_step(two_before, before) + self.reference_step(before, now))
+    }
+
+    /// Angle and currents of a sample.
+    pub(super) fn instant(&self, n: usize) -> Instant {
+        let (now, sensors) = (self.sensed(n), &self.params.sensors);
+        let in_turn = remainder(now.motor_counts, sensors.motor_counts_per_rev as i64);
+        let angle_in_turn = (number_of_counts(in_turn) + 0.5) * TAU / sensors.motor_counts_per_rev;
+        Instant {
+            angle_in_turn,
             sin_cos_e: (self.params.motor.pole_pairs * angle_in_turn).sin_cos_poly(),
+            i: now.currents,
         }
     }
 
@@ -265,7 +284,7 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
     }
 
     /// Magnitude of the position loop's speed reference at the nominal gain, as a share of ω_max, before the limit.
-    fn speed_reference(&self, n: usize) -> f64 {
+    pub(super) fn speed_reference(&self, n: usize) -> f64 {
         let controller = &self.params.controller;
         let reference = self.position_error(n).map_or(0.0, |error| controller.g_p * error);
         libm::fabs(reference) / controller.omega_max

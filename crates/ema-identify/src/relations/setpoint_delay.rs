@@ -8,9 +8,9 @@
 use nalgebra::SVector;
 
 use super::compliance::Compliance;
-use super::controller::{GAIN, GAIN_DELAY, LAW_COUNT, Law, LawKnowledge, SCALE, gradient_of_ratio, law_rows};
+use super::controller::{GAIN, GAIN_DELAY, LAW_COUNT, Law, LawKnowledge, LawRows, SCALE, gradient_of_ratio};
 use super::elements::Reading;
-use super::kernel::{HALF_WIDTHS_S, Kernel, MAX_HALF_WIDTH};
+use super::kernel::{HALF_WIDTHS_S, Kernel};
 use super::measured::MeasuredWindow;
 use super::overlap::Overlap;
 use crate::recorded_sample::RecordedSample;
@@ -30,6 +30,9 @@ pub struct SetpointDelay {
 /// Largest standard deviation of a delay that is shown, s: half the kernel's half width.
 const SIGMA_MAX_S: f64 = 6e-3;
 
+/// Blocks of samples on either side of the kernel, at most: as many as resolve it.
+const HALF_WIDTH_BLOCKS: f64 = 12.0;
+
 /// The time of the set point in a window whose law has this scale of the torque, where that is known; `None` where too few rows are without
 /// limits, or the set point does not change in them.
 #[must_use]
@@ -40,17 +43,18 @@ pub fn setpoint_delay<S: RecordedSample>(
 ) -> Option<SetpointDelay> {
     let [.., half_width_s] = HALF_WIDTHS_S;
     let rate = window.params().sensors.sample_rate;
-    let block = libm::ceil(half_width_s * rate / MAX_HALF_WIDTH as f64 - 1e-9).max(1.0);
+    let block = libm::ceil(half_width_s * rate / HALF_WIDTH_BLOCKS - 1e-9).max(1.0);
     let kernel = Kernel::new(half_width_s, rate / block, &Compliance::RIGID);
     let known = LawKnowledge {
         scale: torque_scale,
         delay_s: None,
     };
+    let mut rows = LawRows::new(window, &kernel, block as usize, None);
     let Law {
         equations, solution, ..
-    } = Law::new(window, &kernel, block as usize, known)?;
+    } = Law::new(&mut rows, known)?;
     let mut overlap = Overlap::<LAW_COUNT>::new(&kernel.first, kernel.span);
-    law_rows(window, &kernel, block as usize, None).for_each(|row| overlap.add(row.as_ref().map(|(row, _)| row)));
+    rows.each(|row| overlap.add(row.map(|(row, _)| row)));
     let covariance = overlap.covariance(&equations, &solution);
     let (g, g_delay) = (solution.x[GAIN], solution.x[GAIN_DELAY]);
     let mut of_delay = SVector::<f64, LAW_COUNT>::zeros();

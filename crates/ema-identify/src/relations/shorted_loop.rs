@@ -14,11 +14,10 @@
 //!
 //! The filter runs in the rotor's frame, where its inputs are slow; a step at constant speed is exact. Derived here.
 
-use ema_models::{MotorParams, abc_from_alpha_beta, alpha_beta_from_dq, dq_from_abc, phase_shapes};
+use ema_models::{ActuatorParams, MotorParams, abc_from_alpha_beta, alpha_beta_from_dq, dq_from_abc, phase_shapes};
 
-use super::between_samples::{Interval, instants};
-use super::measured::MeasuredWindow;
-use crate::recorded_sample::RecordedSample;
+use super::between_samples::instants;
+use super::sample_reading::SampleReading;
 
 /// c' of a usual short: coupling 0.8 to 0.98, σ about a quarter.
 const COUPLING: f64 = 0.92;
@@ -97,8 +96,14 @@ pub(super) struct LoopTorque {
     r: f64,
     k: f64,
     pole_pairs: f64,
+    /// Steps of the filters from sample to sample where products are means; else 0, and one step.
+    instants: usize,
+    /// Duration of a step, s.
+    duration: f64,
     /// Time constant β L, s.
     time_constant: f64,
+    /// What is left of a current after a step, 1.
+    decay: f64,
     /// Current at the last instant.
     current: Phasor,
     /// `F i`, `F (β (R i + e) − c' i)`, and that again behind F.
@@ -108,15 +113,21 @@ pub(super) struct LoopTorque {
 }
 
 impl LoopTorque {
-    /// Before the first sample, without current; the healthy phase has this turns ratio.
-    pub(super) fn new(shorted: ShortedLoop, turns: f64, motor: &MotorParams) -> Self {
+    /// Before the first sample, without current; the healthy phase has this turns ratio, and the actuator's motor is as warm as `motor`.
+    pub(super) fn new(shorted: ShortedLoop, turns: f64, motor: &MotorParams, params: &ActuatorParams) -> Self {
+        let instants = instants(params);
+        let time_constant = shorted.admittance * motor.l_s;
+        let duration = 1.0 / (params.sensors.sample_rate * instants.max(1) as f64);
         Self {
             shorted,
             turns,
             r: motor.r_s,
             k: motor.k,
             pole_pairs: motor.pole_pairs,
-            time_constant: shorted.admittance * motor.l_s,
+            instants,
+            duration,
+            time_constant,
+            decay: libm::exp(-duration / time_constant),
             current: [0.0; 2],
             filtered: [[0.0; 2]; 3],
             rising: [0.0; 2],
@@ -128,36 +139,22 @@ impl LoopTorque {
         self.shorted.phase
     }
 
-    /// At the next sample n: the term whose coefficient is β, and the rest of the phase's torque, Nm. Where the products of samples alias, the
-    /// means around the sample; `jump` as for [`Interval::new`].
-    pub(super) fn next<S: RecordedSample>(
-        &mut self,
-        window: &MeasuredWindow<'_, S>,
-        n: usize,
-        jump: impl Fn(usize, Phasor) -> f64,
-    ) -> [f64; 2] {
-        let params = window.params();
-        let rate = params.sensors.sample_rate;
-        let instants = instants(params);
-        if instants == 0 {
-            let now = window.quantities(n);
-            let turned = window.sensed(n).motor_counts - window.sensed(n - 1).motor_counts;
-            self.advance(
-                1.0 / rate,
-                turned as f64 * params.sensors.motor_lsb(),
-                dq_from_abc(now.i, now.sin_cos_e),
-            );
+    /// At the next sample: the term whose coefficient is β, and the rest of the phase's torque, Nm. Where the products of samples alias, the
+    /// means around the sample.
+    pub(super) fn next(&mut self, sample: &SampleReading) -> [f64; 2] {
+        let Some(interval) = &sample.interval else {
+            let now = &sample.now;
+            self.advance(sample.turned, dq_from_abc(now.i, now.sin_cos_e));
             return self.torques(now.sin_cos_e);
-        }
-        let interval = Interval::new(window, n, jump);
-        let step = 1.0 / instants as f64;
+        };
+        let step = 1.0 / self.instants as f64;
         let mut falling = [0.0; 2];
         let before = core::mem::replace(&mut self.rising, [0.0; 2]);
-        for m in 0..instants {
+        for m in 0..self.instants {
             let share = (m as f64 + 0.5) * step;
             let now = interval.at(share);
-            let turned = now.angle_in_turn - interval.at(share - step).angle_in_turn;
-            self.advance(step / rate, turned, dq_from_abc(now.i, now.sin_cos_e));
+            let turned = now.angle_in_turn - interval.angle_in_turn_at(share - step);
+            self.advance(turned, dq_from_abc(now.i, now.sin_cos_e));
             for (place, torque) in self.torques(now.sin_cos_e).into_iter().enumerate() {
                 falling[place] += (1.0 - share) * step * torque;
                 self.rising[place] += share * step * torque;
@@ -166,10 +163,10 @@ impl LoopTorque {
         [before[0] + falling[0], before[1] + falling[1]]
     }
 
-    /// A step of the filters: its duration, s, the motor angle that it turns, rad, and the current at its end.
-    fn advance(&mut self, duration: f64, turned: f64, current: Phasor) {
+    /// A step of the filters: the motor angle that it turns, rad, and the current at its end.
+    fn advance(&mut self, turned: f64, current: Phasor) {
         let turned_e = self.pole_pairs * turned;
-        let decay = libm::exp(-duration / self.time_constant);
+        let (duration, decay) = (self.duration, self.decay);
         let kept = [decay * libm::cos(turned_e), -decay * libm::sin(turned_e)];
         // (1 − kept) / (1 + j ω_e β L)
         let lag = turned_e / duration * self.time_constant;
@@ -212,7 +209,10 @@ fn times([a, b]: Phasor, [c, d]: Phasor) -> Phasor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ema_models::{ActuatorParams, Real, SensedSample, Setpoint};
+    use crate::relations::measured::MeasuredWindow;
+    use crate::relations::sample_reading::SampleReader;
+    use crate::relations::terms::BalanceShape;
+    use ema_models::{Real, SensedSample, Setpoint};
     use std::vec::Vec;
 
     /// Motor angle, rad, and currents i_d, i_q, A, at a time: the speed rises to 150 rad/s and falls.
@@ -285,8 +285,9 @@ mod tests {
     /// The term of the admittance and the rest, by sample from the third one.
     fn by_samples(params: &ActuatorParams, samples: &[SensedSample], shorted: ShortedLoop) -> Vec<[f64; 2]> {
         let window = MeasuredWindow::new(params, samples, &[]);
-        let mut torque = LoopTorque::new(shorted, 1.0, &params.motor);
-        window.inner().map(|n| torque.next(&window, n, |_, _| 0.0)).collect()
+        let mut torque = LoopTorque::new(shorted, 1.0, &params.motor, params);
+        let mut reader = SampleReader::new(&window, &BalanceShape::usual(params), 1.0);
+        window.inner().map(|n| torque.next(&reader.next(n))).collect()
     }
 
     fn rms(values: impl Iterator<Item = f64>) -> f64 {

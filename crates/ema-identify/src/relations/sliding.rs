@@ -44,10 +44,10 @@ impl<const M: usize> Sliding<M> {
     }
 
     /// The samples with the weights of their places, oldest first.
-    fn weighted<'a>(
+    fn weighted<'a, W>(
         &'a self,
-        weights: &'a [f64; MAX_SPAN],
-    ) -> [core::iter::Zip<core::slice::Iter<'a, f64>, core::slice::Iter<'a, [f64; M]>>; 2] {
+        weights: &'a [W; MAX_SPAN],
+    ) -> [core::iter::Zip<core::slice::Iter<'a, W>, core::slice::Iter<'a, [f64; M]>>; 2] {
         let (later, earlier) = self.ring[..self.span].split_at(self.oldest);
         let (first, second) = weights[..self.span].split_at(earlier.len());
         [first.iter().zip(earlier), second.iter().zip(later)]
@@ -62,6 +62,20 @@ impl<const M: usize> Sliding<M> {
             for (weight, sample) in half {
                 for m in 0..M {
                     sums[m] += weight * sample[m];
+                }
+            }
+        }
+        sums
+    }
+
+    /// Sums of all quantities, each with weights of its own, oldest sample first.
+    #[must_use]
+    pub(super) fn weighted_sums(&self, weights: &[[f64; M]; MAX_SPAN]) -> [f64; M] {
+        let mut sums = [0.0; M];
+        for half in self.weighted(weights) {
+            for (weights, sample) in half {
+                for m in 0..M {
+                    sums[m] += weights[m] * sample[m];
                 }
             }
         }
@@ -98,6 +112,8 @@ mod tests {
         }
         assert_eq!(ring.sums(&weights).map(|sum| sum as i32), [432, -111]);
         assert_eq!(ring.sums_of([1], &weights).map(|sum| sum as i32), [-111]);
+        let of_each = weights.map(|weight| [weight, 2.0 * weight]);
+        assert_eq!(ring.weighted_sums(&of_each).map(|sum| sum as i32), [432, -222]);
         ring.clear();
         assert!(!ring.is_full());
     }

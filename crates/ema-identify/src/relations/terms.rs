@@ -3,15 +3,16 @@
 //! With the true coefficients the terms of a row sum to zero: `Σ_j N_j T_j + … − J ω' − C ω − T_d sign ω − … = 0`. Derived
 //! here from the equation of motion of the motor shaft, torques at the motor, of one rigid mass.
 
-use core::ops::Range;
-
 use ema_models::{ActuatorParams, phase_shapes};
 
-use super::between_samples::{Interval, instants};
+use super::between_samples::instants;
 use super::compliance::Compliance;
 use super::kernel::Kernel;
-use super::measured::{Instant, MeasuredWindow, Quantities};
+use super::measured::MeasuredWindow;
 use super::output_load::OutputLoad;
+#[cfg(feature = "std")]
+use super::sample_reading::SampleReader;
+use super::sample_reading::{FastTerms, SampleReading, sum};
 use super::shorted_loop::LoopTorque;
 use super::sliding::Sliding;
 use crate::recorded_sample::RecordedSample;
@@ -178,97 +179,80 @@ impl WindowState {
 /// Smallest speed under the kernel, rad/s: below, friction is no function of the measured speed.
 pub(super) const MOVING: f64 = 3.0;
 
-/// Rows of a window, one per inner sample; `None` between the kernel's strides, and unless the motor turns in one direction under the kernel that ends there, at
-/// 3 rad/s or more, and all of it was measured. A shorted loop takes the place of the turns of its phase.
-pub(super) fn balance_rows<S: RecordedSample>(
-    window: &MeasuredWindow<'_, S>,
+/// Rows of a window, one per inner sample, as [`RowMaker`] makes them.
+#[cfg(feature = "std")]
+pub(super) fn balance_rows<'a, S: RecordedSample>(
+    window: &'a MeasuredWindow<'a, S>,
     shape: &BalanceShape,
     state: WindowState,
-    kernel: &Kernel,
-    mut shorted: Option<LoopTorque>,
-    ring: &mut BalanceRing,
-) -> impl Iterator<Item = Option<BalanceRow>> {
-    let (window, integrands) = (*window, Integrands::new(window, shape, state));
-    let (instants, stride) = (instants(window.params()), kernel.stride);
-    ring.clear();
-    let mut forward = true;
-    let mut counting = Counting::new(&window);
-    // The sample at which the last interval ended, and what the interval adds to its fast terms.
-    let mut ended: Option<(usize, [f64; FAST.len()])> = None;
-    window.inner().map(move |n| {
-        let now = window.quantities(n);
-        let counted = counting.deviation(&window, n);
-        let jump = |n, current| integrands.jump(&window, n, current);
-        let of_loop = shorted
+    kernel: &'a Kernel,
+    ring: &'a mut BalanceRing,
+) -> impl Iterator<Item = Option<BalanceRow>> + 'a {
+    let mut samples = SampleReader::new(window, shape, state.gain);
+    let mut rows = RowMaker::new(window, shape, state, kernel, None, ring);
+    window.inner().map(move |n| rows.next(n, &samples.next(n)))
+}
+
+/// Makes the rows of a window from its inner samples, in ascending order.
+pub(super) struct RowMaker<'a, S> {
+    window: &'a MeasuredWindow<'a, S>,
+    kernel: &'a Kernel,
+    integrands: Integrands,
+    /// Takes the place of the turns of its phase.
+    shorted: Option<LoopTorque>,
+    ring: &'a mut BalanceRing,
+    forward: bool,
+    /// Whether the fast terms are means around their samples.
+    means: bool,
+}
+
+impl<'a, S: RecordedSample> RowMaker<'a, S> {
+    pub(super) fn new(
+        window: &'a MeasuredWindow<'a, S>,
+        shape: &BalanceShape,
+        state: WindowState,
+        kernel: &'a Kernel,
+        shorted: Option<LoopTorque>,
+        ring: &'a mut BalanceRing,
+    ) -> Self {
+        ring.clear();
+        Self {
+            window,
+            kernel,
+            integrands: Integrands::new(window, shape, state),
+            shorted,
+            ring,
+            forward: true,
+            means: instants(window.params()) > 0,
+        }
+    }
+
+    /// The row that ends with a sample; `None` between the kernel's strides, and unless the motor turns in one direction under the kernel, at
+    /// 3 rad/s or more, and all of it was measured.
+    pub(super) fn next(&mut self, n: usize, sample: &SampleReading) -> Option<BalanceRow> {
+        let of_loop = self
+            .shorted
             .as_mut()
-            .map(|shorted| (shorted.phase(), shorted.next(&window, n, jump)));
-        if libm::fabs(now.omega_m) < MOVING || !window.is_measured(n) {
-            ring.clear();
+            .map(|shorted| (shorted.phase(), shorted.next(sample)));
+        if !sample.is_usable {
+            self.ring.clear();
             return None;
         }
         // At full torque the speed may change its sign between two samples.
-        if forward != (now.omega_m > 0.0) {
-            forward = !forward;
-            ring.clear();
+        if self.forward != (sample.now.omega_m > 0.0) {
+            self.forward = !self.forward;
+            self.ring.clear();
         }
-        let fast = if instants > 0 {
-            let over = |n| integrands.fast_over(&Interval::new(&window, n, jump), instants);
-            let before = match ended {
-                Some((at, rising)) if at == n => rising,
-                _ => over(n - 1)[1],
-            };
-            let [falling, rising] = over(n);
-            ended = Some((n + 1, rising));
-            core::array::from_fn(|place| before[place] + falling[place])
-        } else {
-            integrands.fast(&now.instant())
-        };
-        let mut terms = integrands.of(&window, &now, counted, &fast);
+        let mut terms = self.integrands.of(self.window, sample);
         if let Some((phase, [of_admittance, rest])) = of_loop {
             terms[FAST[phase] as usize] = of_admittance;
             terms[Term::GearLoss as usize] += rest;
         }
-        ring.push(terms);
-        (ring.is_full() && n % stride == 0).then(|| BalanceRow {
-            terms: smoothed(ring, kernel, instants > 0, of_loop.is_some()),
-            forward,
+        self.ring.push(terms);
+        (self.ring.is_full() && n % self.kernel.stride == 0).then(|| BalanceRow {
+            terms: smoothed(self.ring, self.kernel, self.means, of_loop.is_some()),
+            forward: self.forward,
         })
-    })
-}
-
-/// Time on either side of a sample over which the mean of the output's counting error is taken, s.
-const COUNTING_S: f64 = 8.5e-3;
-
-/// Difference between the counted output angle and the motor angle at the output, less its mean around the sample.
-struct Counting {
-    half: usize,
-    /// Samples of the sum, as many on either side as there are.
-    range: Range<usize>,
-    sum: f64,
-}
-
-impl Counting {
-    fn new<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> Self {
-        let rate = window.params().sensors.sample_rate;
-        Self {
-            half: libm::round(COUNTING_S * rate).max(2.0) as usize,
-            range: 0..0,
-            sum: 0.0,
-        }
-    }
-
-    /// The deviation at a sample, rad at the output; samples in ascending order.
-    fn deviation<S: RecordedSample>(&mut self, window: &MeasuredWindow<'_, S>, n: usize) -> f64 {
-        let half = self.half.min(n).min(window.len() - 1 - n);
-        while self.range.end <= n + half {
-            self.sum += window.behind_gear(self.range.end);
-            self.range.end += 1;
-        }
-        while self.range.start < n - half {
-            self.sum -= window.behind_gear(self.range.start);
-            self.range.start += 1;
-        }
-        window.behind_gear(n) - self.sum / self.range.len() as f64
     }
 }
 
@@ -301,8 +285,6 @@ struct Integrands {
     k: f64,
     /// Torque of the motor for that which the controller demands: it is the type's at commissioning alone.
     made: f64,
-    /// What the controller takes for the torque of an ampere, Nm/A.
-    torque_gain: f64,
     k_p: f64,
     g_p: f64,
     gear_ratio: f64,
@@ -317,7 +299,6 @@ impl Integrands {
         Self {
             k,
             made: k / params.motor.k,
-            torque_gain: params.motor.torque_gain(),
             k_p: params.controller.k_p,
             g_p: params.controller.g_p,
             gear_ratio: params.transmission.gear_ratio,
@@ -327,13 +308,8 @@ impl Integrands {
         }
     }
 
-    fn of(
-        &self,
-        window: &MeasuredWindow<'_, impl RecordedSample>,
-        now: &Quantities,
-        counted: f64,
-        fast: &[f64; FAST.len()],
-    ) -> [f64; TERM_COUNT] {
+    fn of(&self, window: &MeasuredWindow<'_, impl RecordedSample>, sample: &SampleReading) -> [f64; TERM_COUNT] {
+        let SampleReading { now, counted, fast, .. } = sample;
         let e = now.sin_cos_e;
         let double = sum(e, e);
         let s = phase_shapes(e);
@@ -347,20 +323,18 @@ impl Integrands {
         let load_torque = (self.state.load.constant + self.state.load.spring * now.travel) / self.gear_ratio;
         let [opposing, aiding] = self.loss_shares;
         let loss_share = if load_torque * sign >= 0.0 { opposing } else { aiding };
-        let [
-            a,
-            b,
-            c,
-            ecc_cos,
-            ecc_sin,
-            mesh_cos,
-            mesh_sin,
-            cogging_cos,
-            cogging_sin,
+        let FastTerms {
+            torque: [a, b, c],
+            narrow_gap,
+            mesh: [mesh_cos, mesh_sin],
+            cogging: [cogging_cos, cogging_sin],
             harmonics,
-            offset_a,
-            offset_b,
-        ] = *fast;
+            offsets: [offset_a, offset_b],
+        } = *fast;
+        let [ecc_cos, ecc_sin] = narrow_gap.map(|of_phases| {
+            let intact = self.state.turns.iter().zip(of_phases);
+            intact.map(|(turns, torque)| turns * torque).sum::<f64>()
+        });
         [
             a,
             b,
@@ -398,59 +372,6 @@ impl Integrands {
             -sign * libm::fabs(load_torque) * loss_share,
         ]
     }
-
-    /// Step of the quadrature current behind a sample, A, where neither speed nor torque is at its limit.
-    fn jump(&self, window: &MeasuredWindow<'_, impl RecordedSample>, n: usize, [_, quadrature]: [f64; 2]) -> f64 {
-        if window.is_current_limited(quadrature) {
-            0.0
-        } else {
-            self.k_p * window.reference_change(n, self.state.gain) / self.torque_gain
-        }
-    }
-
-    /// The fast terms of an instant; those of the mesh without the sign of the speed.
-    fn fast(&self, now: &Instant) -> [f64; FAST.len()] {
-        use ema_models::Real;
-        let e = now.sin_cos_e;
-        let double = sum(e, e);
-        let fourth = sum(double, double);
-        let (fifth, seventh) = (sum(fourth, e), sum(sum(fourth, double), e));
-        let s = phase_shapes(e);
-        let torque: [f64; 3] = core::array::from_fn(|j| self.k * s[j] * now.i[j]);
-        let intact: [f64; 3] = core::array::from_fn(|j| self.state.turns[j] * torque[j]);
-        let (mesh_sin, mesh_cos) = (self.shape.teeth * now.angle_in_turn).sin_cos_poly();
-        let (cogging_sin, cogging_cos) = (self.shape.cogging_periods * now.angle_in_turn).sin_cos_poly();
-        // 5 θ_j = 5 θ_e + 2πj/3 and 7 θ_j = 7 θ_e − 2πj/3, up to whole turns.
-        let harmonics = |j: usize| ahead(fifth, j).0 - ahead(seventh, (3 - j) % 3).0;
-        [
-            torque[0],
-            torque[1],
-            torque[2],
-            (0..3).map(|j| intact[j] * ahead(e, j).1).sum(),
-            (0..3).map(|j| intact[j] * ahead(e, j).0).sum(),
-            mesh_cos,
-            mesh_sin,
-            cogging_cos,
-            cogging_sin,
-            -(0..3).map(|j| self.k * harmonics(j) * now.i[j]).sum::<f64>(),
-            self.k * (s[0] - s[2]),
-            self.k * (s[1] - s[2]),
-        ]
-    }
-
-    /// Sums of the fast terms over an interval whose weights fall towards its end, and whose weights rise; each weight sums to ½.
-    fn fast_over(&self, interval: &Interval, instants: usize) -> [[f64; FAST.len()]; 2] {
-        let mut sums = [[0.0; FAST.len()]; 2];
-        for m in 0..instants {
-            let share = (m as f64 + 0.5) / instants as f64;
-            let terms = self.fast(&interval.at(share));
-            for (place, term) in terms.into_iter().enumerate() {
-                sums[0][place] += (1.0 - share) * term / instants as f64;
-                sums[1][place] += share * term / instants as f64;
-            }
-        }
-        sums
-    }
 }
 
 /// `e^(−x²)`, far out 0 without the work.
@@ -463,31 +384,9 @@ fn stribeck_share(x: f64) -> f64 {
     }
 }
 
-/// Sine and cosine of the sum of two angles.
-fn sum((sin_a, cos_a): (f64, f64), (sin_b, cos_b): (f64, f64)) -> (f64, f64) {
-    (sin_a * cos_b + cos_a * sin_b, cos_a * cos_b - sin_a * sin_b)
-}
-
-/// Sine and cosine of an angle plus `2πj/3`.
-fn ahead(angle: (f64, f64), j: usize) -> (f64, f64) {
-    const SQRT3_2: f64 = 0.866_025_403_784_438_6;
-    const THIRDS: [(f64, f64); 3] = [(0.0, 1.0), (SQRT3_2, -0.5), (-SQRT3_2, -0.5)];
-    sum(angle, THIRDS[j])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ema_models::Real;
-
-    #[test]
-    fn angles_ahead_by_thirds_of_a_turn() {
-        for j in 0..3 {
-            let (sin, cos) = ahead(0.3f64.sin_cos_poly(), j);
-            let angle = 0.3 + core::f64::consts::TAU * j as f64 / 3.0;
-            assert!((sin - libm::sin(angle)).abs() < 1e-11 && (cos - libm::cos(angle)).abs() < 1e-11);
-        }
-    }
 
     #[test]
     fn the_last_term_is_the_last_of_the_table() {

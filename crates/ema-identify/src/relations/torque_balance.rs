@@ -12,12 +12,14 @@
 use nalgebra::{SMatrix, SVector};
 
 use super::balance_coefficients::BalanceCoefficients;
+use super::between_samples::instants;
 use super::current_noise::{current_noise, noise_of_columns};
 use super::elements::{Element, ElementReadings, Needed, Reading};
 use super::free_coefficients::{
     ECCENTRICITY, FREE_COUNT, FRICTION, LOAD, attenuation, covariance_by_shared, error_of_shared,
 };
 use super::jackknife::Jackknife;
+use super::kept::Kept;
 use super::kernel::Kernel;
 use super::measured::MeasuredWindow;
 #[cfg(feature = "std")]
@@ -25,9 +27,10 @@ use super::measurement_noise::{NoiseGains, NoiseRise};
 use super::normal_equations::{NormalEquations, Solution};
 use super::output_load::OutputLoad;
 use super::overlap::Overlap;
+use super::sample_reading::{SampleReader, SampleReading};
 use super::shared::{SHARED_COUNT, shared_columns, spread};
 use super::shorted_loop::{LoopTorque, ShortedLoop};
-use super::terms::{BalanceRing, BalanceRow, Term, WindowState, balance_rows};
+use super::terms::{BalanceRing, BalanceRow, RowMaker, TERM_COUNT, Term, WindowState};
 use crate::recorded_sample::RecordedSample;
 
 /// Terms of friction, which wear together.
@@ -202,8 +205,8 @@ pub(super) fn free_coefficients<S: RecordedSample>(
     let (solution, load) = rows.explain(&mut NormalEquations::new(), &noise, Turns::Healthy)?;
     let mut directions = [0; 2];
     rows.each(|row| {
-        if let Some((row, ..)) = row {
-            directions[usize::from(row.forward)] += 1;
+        if let Some(row) = row {
+            directions[usize::from(row.all.forward)] += 1;
         }
     });
     let turns_both_ways = directions.iter().all(|&rows| rows * kernel.stride >= kernel.span);
@@ -216,12 +219,42 @@ pub(super) fn free_coefficients<S: RecordedSample>(
     })
 }
 
+/// A row of a window by its free coefficients.
+#[derive(Clone, Copy)]
+struct FreeRow {
+    /// All terms.
+    all: BalanceRow,
+    /// Columns of the free coefficients.
+    free: [f64; FREE_COUNT],
+    /// The right-hand side, Nm.
+    rest: f64,
+}
+
+impl FreeRow {
+    /// With these coefficients of the terms that are neither free nor worn; of those they are zero.
+    fn new(all: BalanceRow, unit: &BalanceCoefficients, known: &[f64; TERM_COUNT]) -> Self {
+        let term = |term: Term| all.terms[term as usize];
+        let friction = WORN.iter().map(|&worn| unit.of(worn) * term(worn)).sum();
+        let [a, b, c, ecc_cos, ecc_sin, constant, spring] = FREE.map(term);
+        let rest: f64 = known.iter().zip(&all.terms).map(|(x, term)| x * term).sum();
+        Self {
+            all,
+            free: [a, b, c, ecc_cos, ecc_sin, friction, constant, spring],
+            rest: -rest,
+        }
+    }
+}
+
 /// Rows of a window by its free coefficients, with the ring that they are made through: the controller has room for one.
 struct Rows<'a, S> {
     window: &'a MeasuredWindow<'a, S>,
     unit: &'a BalanceCoefficients,
     kernel: &'a Kernel,
     ring: BalanceRing,
+    samples: Kept<SampleReading>,
+    /// The rows of the state and the loop that they were made with.
+    rows: Kept<Option<FreeRow>>,
+    rows_of: Option<(WindowState, Option<ShortedLoop>)>,
     /// What the last solution says of the window.
     state: WindowState,
     /// The loop that stands in place of the turns of its phase.
@@ -238,6 +271,13 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
             unit,
             kernel,
             ring: BalanceRing::new(kernel.span),
+            samples: Kept::new(if instants(window.params()) > 0 {
+                window.len()
+            } else {
+                usize::MAX
+            }),
+            rows: Kept::new(window.len()),
+            rows_of: None,
             state: WindowState {
                 gain,
                 ..WindowState::healthy(OutputLoad::default())
@@ -411,27 +451,31 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
         noise
     }
 
-    /// Passes the row of each inner sample: its terms, the columns of the free coefficients and the right-hand side.
-    fn each(&mut self, mut pass: impl FnMut(Option<(&BalanceRow, &[f64; FREE_COUNT], f64)>)) {
+    /// Passes the row of each inner sample.
+    fn each(&mut self, mut pass: impl FnMut(Option<&FreeRow>)) {
+        let made_with = Some((self.state, self.shorted));
+        if self.rows_of != made_with {
+            self.rows.clear();
+            self.rows_of = made_with;
+        }
         let mut known = self.unit.values;
         for term in FREE.into_iter().chain(WORN) {
             known[term as usize] = 0.0;
         }
-        let (shape, ring) = (&self.unit.shape, &mut self.ring);
-        let shorted = self
-            .shorted
-            .map(|shorted| LoopTorque::new(shorted, self.unit.values[shorted.phase], self.window.motor()));
-        for row in balance_rows(self.window, shape, self.state, self.kernel, shorted, ring) {
-            let Some(row) = row else {
-                pass(None);
-                continue;
+        let (window, unit, shape) = (self.window, self.unit, &self.unit.shape);
+        let shorted = self.shorted.map(|shorted| {
+            let turns = unit.values[shorted.phase];
+            LoopTorque::new(shorted, turns, window.motor(), window.params())
+        });
+        let mut reader = SampleReader::new(window, shape, self.state.gain);
+        let mut maker = RowMaker::new(window, shape, self.state, self.kernel, shorted, &mut self.ring);
+        let (samples, rows) = (&mut self.samples, &mut self.rows);
+        for (place, n) in window.inner().enumerate() {
+            let make = || {
+                let row = samples.with(place, || reader.next(n), |sample| maker.next(n, sample));
+                row.map(|row| FreeRow::new(row, unit, &known))
             };
-            let term = |term: Term| row.terms[term as usize];
-            let friction = WORN.iter().map(|&worn| self.unit.of(worn) * term(worn)).sum();
-            let [a, b, c, ecc_cos, ecc_sin, constant, spring] = FREE.map(term);
-            let rest: f64 = known.iter().zip(&row.terms).map(|(x, term)| x * term).sum();
-            let free = [a, b, c, ecc_cos, ecc_sin, friction, constant, spring];
-            pass(Some((&row, &free, -rest)));
+            rows.with(place, make, |row| pass(row.as_ref()));
         }
     }
 
@@ -440,8 +484,8 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
     fn sum(&mut self, equations: &mut NormalEquations<FREE_COUNT>) {
         *equations = NormalEquations::new();
         self.each(|row| {
-            if let Some((_, free, rest)) = row {
-                equations.add(free, rest);
+            if let Some(row) = row {
+                equations.add(&row.free, row.rest);
             }
         });
     }
@@ -469,15 +513,15 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
         let mut directions = [0; 2];
         let mut n = 0;
         self.each(|row| {
-            overlap.add(row.map(|(_, free, _)| free));
-            if let Some((row, free, rest)) = row {
-                for (unknown, shared) in shared_columns(row).into_iter().enumerate() {
-                    for (place, free) in free.iter().enumerate() {
+            overlap.add(row.map(|row| &row.free));
+            if let Some(row) = row {
+                for (unknown, shared) in shared_columns(&row.all).into_iter().enumerate() {
+                    for (place, free) in row.free.iter().enumerate() {
                         with_shared[(place, unknown)] += free * shared;
                     }
                 }
-                groups.add(n, (free, rest), SVector::clone);
-                directions[usize::from(row.forward)] += 1;
+                groups.add(n, (&row.free, row.rest), SVector::clone);
+                directions[usize::from(row.all.forward)] += 1;
             }
             n += 1;
         });

@@ -27,7 +27,7 @@ use crate::health::{DamageEvidence, HealthState, Levels};
 use crate::history::{HistoryStore, WindowEvidence};
 use crate::outbox::WindowJob;
 use crate::record::{self, WindowStatus};
-use crate::sensor_checks::{Suspect, sensor_readings};
+use crate::sensor_checks::{SensorReadings, Suspect, sensor_readings};
 use crate::window::WindowQuality;
 use crate::windows_in_a_row::{News, WindowsInARow};
 use coarse_steps::with_steps;
@@ -70,6 +70,28 @@ pub enum LearningProgress {
     Learns(String),
     /// For this reason it is not learnt yet: it is assessed as a unit that is not commissioned.
     Waits(String),
+}
+
+/// A window whose assessment has begun.
+#[derive(Debug)]
+pub struct BegunWindow {
+    job: WindowJob,
+    progress: LearningProgress,
+}
+
+/// A window with what explains it.
+#[derive(Debug)]
+pub struct ExplainedWindow {
+    /// As the explanation left it.
+    begun: BegunWindow,
+    readings: SensorReadings,
+    explained: Explained,
+}
+
+impl BegunWindow {
+    fn is_learning(&self) -> bool {
+        matches!(self.progress, LearningProgress::Learns(_))
+    }
 }
 
 /// Windows by status.
@@ -190,11 +212,17 @@ impl Assessor {
     /// As [`Assessor::assess`].
     pub fn assess_within(
         &mut self,
-        mut job: WindowJob,
+        job: WindowJob,
         limit: &TimeLimit<'_>,
         progress: &LearningProgress,
     ) -> Result<AssessedWindow, AssessError> {
-        let is_learning = matches!(progress, LearningProgress::Learns(_));
+        let begun = self.begin(job, progress.clone());
+        let explained = self.explain_begun(begun, limit)?;
+        self.conclude(explained, limit)
+    }
+
+    /// Begins the assessment of a window, whose unit is to be learnt or not.
+    pub fn begin(&mut self, job: WindowJob, progress: LearningProgress) -> BegunWindow {
         if self.is_outdated(&job.actuator, job.window.t_start_ns) {
             let name = &job.actuator.name;
             self.models.remove_unit(name);
@@ -203,13 +231,42 @@ impl Assessor {
                 "{name}: its calibration is older than a replacement that was recorded, and not used: calibrate it again"
             ));
         }
+        BegunWindow { job, progress }
+    }
+
+    /// Explains a window: what takes nearly all the time of its assessment. Windows of different actuators may be explained side by side.
+    ///
+    /// # Errors
+    /// As [`Assessor::assess`].
+    pub fn explain_begun(&self, begun: BegunWindow, limit: &TimeLimit<'_>) -> Result<ExplainedWindow, AssessError> {
+        let is_learning = begun.is_learning();
+        let BegunWindow { mut job, progress } = begun;
         let readings = sensor_readings(&job);
+        let explained = self.explain(&mut job, is_learning, &limit.effort)?;
+        Ok(ExplainedWindow {
+            begun: BegunWindow { job, progress },
+            readings,
+            explained,
+        })
+    }
+
+    /// Decides on health by what explains a window, with the limit that it was explained with.
+    ///
+    /// # Errors
+    /// As [`Assessor::assess`].
+    pub fn conclude(&mut self, window: ExplainedWindow, limit: &TimeLimit<'_>) -> Result<AssessedWindow, AssessError> {
+        let is_learning = window.begun.is_learning();
+        let ExplainedWindow {
+            begun: BegunWindow { job, progress },
+            readings,
+            explained,
+        } = window;
         let Explained {
             assessed,
             suspects,
             mut reasons,
             unchecked,
-        } = self.explain(&mut job, is_learning, &limit.effort)?;
+        } = explained;
         let is_short = limit.effort.is_short();
         let is_for_relations = !job.actuator.has_set_point() && job.window.quality.is_fit();
         if assessed.is_none() && is_short {
@@ -231,7 +288,7 @@ impl Assessor {
             if !is_calibrated {
                 reasons.push(format!("type {} is not calibrated", of_type.calibration.actuator_type));
             }
-            match progress {
+            match &progress {
                 LearningProgress::Learns(reason) => reasons.push(reason.clone()),
                 LearningProgress::NotToLearn if self.outdated.contains(&job.actuator.name) => {
                     reasons.push(OUTDATED.to_owned());
@@ -248,7 +305,7 @@ impl Assessor {
             }
             found = Some(estimate);
         }
-        match progress {
+        match &progress {
             LearningProgress::Learns(reason) if found.is_none() && is_for_relations => reasons.push(reason.clone()),
             LearningProgress::Waits(reason) => reasons.push(reason.clone()),
             LearningProgress::Learns(_) | LearningProgress::NotToLearn => {}

@@ -116,6 +116,12 @@ impl<'a, C: Clock> Turns<'a, C> {
         }
     }
 
+    /// Whether each window has a turn of its own, by its deadline.
+    #[must_use]
+    pub fn are_limited(&self) -> bool {
+        self.deadline_ms.is_some()
+    }
+
     /// Measures how long the runs of a rehearsal take.
     pub fn measure<T>(&mut self, rehearse: impl FnOnce(&Effort<'_>) -> T) -> Option<T> {
         self.deadline_ms?;

@@ -14,7 +14,9 @@ use std::sync::Arc;
 use ema_identify::unit_calibration::UnitCalibration;
 use sha2::{Digest, Sha256};
 
-use crate::assess::{AssessError, AssessedWindow, Assessor, LearningProgress, conditions};
+use crate::assess::{
+    AssessError, AssessedWindow, Assessor, BegunWindow, ExplainedWindow, LearningProgress, conditions,
+};
 use crate::commissioning::{CommissioningError, SeenByType, calibrate_unit, health_by_type, in_words};
 use crate::config::{ActuatorConfig, Config};
 use crate::deadline::TimeLimit;
@@ -45,6 +47,42 @@ pub struct Learner {
     /// Actuators of which it was told that their unit is not learnt for now.
     waiting: BTreeSet<String>,
     notices: Vec<String>,
+}
+
+/// A window whose assessment has begun.
+#[derive(Debug)]
+pub struct BegunLearning {
+    window: BegunWindow,
+    aside: Aside,
+}
+
+/// A window with what explains it.
+#[derive(Debug)]
+pub struct ExplainedLearning {
+    window: ExplainedWindow,
+    aside: Aside,
+}
+
+/// What belongs to a window besides its assessment.
+#[derive(Debug)]
+struct Aside {
+    /// The window as it came, where its unit is learnt from it: the assessment repairs it.
+    kept: Option<Box<WindowJob>>,
+    unit: UnitMark,
+    events_ns: Vec<u64>,
+}
+
+impl BegunLearning {
+    /// Explains the window: nearly all the work. Windows of different actuators may be explained side by side.
+    ///
+    /// # Errors
+    /// Those of [`Assessor::assess`].
+    pub fn explain(self, assessor: &Assessor, limit: &TimeLimit<'_>) -> Result<ExplainedLearning, AssessError> {
+        Ok(ExplainedLearning {
+            window: assessor.explain_begun(self.window, limit)?,
+            aside: self.aside,
+        })
+    }
 }
 
 /// A unit that was commissioned by its first windows.
@@ -130,31 +168,51 @@ impl Learner {
         limit: &TimeLimit<'_>,
         not_learnt: Option<String>,
     ) -> Result<AssessedWindow, AssessError> {
-        self.follow_events(assessor, &job.actuator, job.window.t_start_ns)?;
-        let events_ns = std::mem::take(&mut self.followed_ns);
-        let mut assessed = self.assess_known(assessor, job, limit, not_learnt)?;
-        assessed.events_ns = events_ns;
-        Ok(assessed)
+        let begun = self.begin(assessor, job, not_learnt)?;
+        let explained = begun.explain(assessor, limit)?;
+        self.conclude(assessor, explained, limit)
     }
 
-    /// The same once the events up to the window are followed.
-    fn assess_known(
+    /// Begins the assessment of a window, as [`Learner::assess_unless`] does.
+    ///
+    /// # Errors
+    /// Those of [`Assessor::assess`].
+    pub fn begin(
         &mut self,
         assessor: &mut Assessor,
         job: WindowJob,
-        limit: &TimeLimit<'_>,
         not_learnt: Option<String>,
-    ) -> Result<AssessedWindow, AssessError> {
-        let actuator = job.actuator.clone();
-        let t_ns = job.window.t_start_ns;
-        let Some(learning) = actuator.learning.as_ref().filter(|_| !assessor.knows_unit(&actuator)) else {
-            let known = self.known.get(&actuator.name).cloned();
-            let mut assessed = assessor.assess_within(job, limit, &LearningProgress::NotToLearn)?;
-            assessed.unit = known.map_or(UnitMark::Untold, UnitMark::Learnt);
-            return Ok(assessed);
+    ) -> Result<BegunLearning, AssessError> {
+        self.follow_events(assessor, &job.actuator, job.window.t_start_ns)?;
+        let events_ns = std::mem::take(&mut self.followed_ns);
+        let (progress, unit) = self.progress(assessor, &job, not_learnt)?;
+        let kept = (unit == UnitMark::Learning).then(|| Box::new(job.clone()));
+        Ok(BegunLearning {
+            window: assessor.begin(job, progress),
+            aside: Aside { kept, unit, events_ns },
+        })
+    }
+
+    /// What is done about the unit of a window once the events up to it are followed, and by what it is assessed.
+    fn progress(
+        &mut self,
+        assessor: &mut Assessor,
+        job: &WindowJob,
+        not_learnt: Option<String>,
+    ) -> Result<(LearningProgress, UnitMark), AssessError> {
+        let (actuator, name) = (&job.actuator, &job.actuator.name);
+        let Some(learning) = actuator.learning.as_ref().filter(|_| !assessor.knows_unit(actuator)) else {
+            let known = self.known.get(name).cloned();
+            return Ok((
+                LearningProgress::NotToLearn,
+                known.map_or(UnitMark::Untold, UnitMark::Learnt),
+            ));
         };
-        if let Some(known) = assessor.histories().history_at(&actuator, t_ns)?.known_damage() {
-            let name = &actuator.name;
+        let known_damage = assessor
+            .histories()
+            .history_at(actuator, job.window.t_start_ns)?
+            .known_damage();
+        if let Some(known) = known_damage {
             let reason = format!(
                 "{NOT_LEARNT} {known}: repair it and record that (hmd event --reset {name}, with --part of one part)"
             );
@@ -162,26 +220,49 @@ impl Learner {
             if self.waiting.insert(name.clone()) {
                 self.notices.push(format!("{name}: {reason}"));
             }
-            return assess_waiting(assessor, job, limit, reason);
+            return Ok((LearningProgress::Waits(reason), UnitMark::Waiting));
         }
-        self.waiting.remove(&actuator.name);
+        self.waiting.remove(name);
         if let Some(reason) = not_learnt {
-            self.windows.remove(&actuator.name);
-            return assess_waiting(assessor, job, limit, reason);
+            self.windows.remove(name);
+            return Ok((LearningProgress::Waits(reason), UnitMark::Waiting));
         }
-        let kept = self.windows.entry(actuator.name.clone()).or_default();
-        let number = kept.len() + 1;
+        let number = self.windows.get(name).map_or(0, KeptWindows::len) + 1;
+        let reason = format!("learning, {number} of {} windows", learning.windows);
+        Ok((LearningProgress::Learns(reason), UnitMark::Learning))
+    }
+
+    /// Decides on the health of a window that is explained, and keeps it where its unit is to be learnt.
+    ///
+    /// # Errors
+    /// Those of [`Assessor::assess`].
+    pub fn conclude(
+        &mut self,
+        assessor: &mut Assessor,
+        explained: ExplainedLearning,
+        limit: &TimeLimit<'_>,
+    ) -> Result<AssessedWindow, AssessError> {
+        let ExplainedLearning { window, aside } = explained;
+        let mut assessed = assessor.conclude(window, limit)?;
+        assessed.unit = aside.unit;
+        assessed.events_ns = aside.events_ns;
+        if let Some(job) = aside.kept {
+            self.keep(*job, &assessed);
+        }
+        Ok(assessed)
+    }
+
+    /// Keeps a window from which its unit is learnt.
+    fn keep(&mut self, job: WindowJob, assessed: &AssessedWindow) {
+        let actuator = job.actuator.clone();
+        let Some(learning) = &actuator.learning else { return };
         // No monitor assesses a window without set point; the relations learn from one that is fit, as by `hmd calibrate`.
         let is_for_relations = !actuator.has_set_point() && job.window.quality.is_fit() && conditions(&job).is_ok();
-        let copy = job.clone();
-        let reason = format!("learning, {number} of {} windows", learning.windows);
-        let mut assessed = assessor.assess_within(job, limit, &LearningProgress::Learns(reason))?;
-        assessed.unit = UnitMark::Learning;
-        let is_valid = is_for_relations || assessed.health.status != WindowStatus::Invalid.name();
-        let seen = SeenByType::new(&assessed);
-        let is_complete = is_valid && kept.keep((copy, seen), learning.windows);
-        self.complete = is_complete.then_some(actuator);
-        Ok(assessed)
+        if is_for_relations || assessed.health.status != WindowStatus::Invalid.name() {
+            let kept = self.windows.entry(actuator.name.clone()).or_default();
+            let is_complete = kept.keep((job, SeenByType::new(assessed)), learning.windows);
+            self.complete = is_complete.then_some(actuator);
+        }
     }
 
     /// Commissions the unit of the last window, if that was the last of its `learn_windows`. Takes as long as many assessments.
@@ -267,16 +348,4 @@ impl Learner {
     pub fn take_notices(&mut self) -> Vec<String> {
         std::mem::take(&mut self.notices)
     }
-}
-
-/// Assesses a window of a unit that is not to be learnt for now.
-fn assess_waiting(
-    assessor: &mut Assessor,
-    job: WindowJob,
-    limit: &TimeLimit<'_>,
-    reason: String,
-) -> Result<AssessedWindow, AssessError> {
-    let mut assessed = assessor.assess_within(job, limit, &LearningProgress::Waits(reason))?;
-    assessed.unit = UnitMark::Waiting;
-    Ok(assessed)
 }

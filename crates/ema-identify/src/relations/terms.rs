@@ -249,7 +249,7 @@ impl<'a, S: RecordedSample> RowMaker<'a, S> {
             terms[Term::GearLoss as usize] += rest;
         }
         self.ring.push(terms);
-        (self.ring.is_full() && n % self.kernel.stride == 0).then(|| BalanceRow {
+        (self.ring.is_full() && n.is_multiple_of(self.kernel.stride)).then(|| BalanceRow {
             terms: smoothed(self.ring, self.kernel, self.means, of_loop.is_some()),
             forward: self.forward,
         })

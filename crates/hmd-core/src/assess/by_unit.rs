@@ -20,6 +20,7 @@ use crate::sensor_checks::{Suspect, Suspicion, has_no_sum};
 use crate::window::Window;
 
 /// What an identification finds in a window.
+#[derive(Debug)]
 pub(super) struct Assessed {
     pub(super) estimate: Estimate,
     pub(super) fit: Fit,

@@ -37,6 +37,7 @@ const NO_MONITOR: &str =
 const PLAY_OR_DELAY: &str = "set point and motor are off in time: without an output angle a play looks so, and controller gain is not observable";
 
 /// The explanation of a window.
+#[derive(Debug)]
 pub(super) struct Explained {
     /// The estimate; none where the window is invalid.
     pub(super) assessed: Option<Assessed>,

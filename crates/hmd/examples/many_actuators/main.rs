@@ -28,6 +28,9 @@ use traffic::{Bus, PER_BUS, RATE_HZ, SAMPLES_PER_MINUTE, Template};
 /// Windows that compressed traffic lets identification lie behind; its queue holds 64, as many as end at once.
 const BACKLOG_MAX: u64 = 32;
 
+/// Second of a minute by which windows that begin with it have ended.
+const ENDED_S: u64 = 3;
+
 /// Time without an assessed window after which traffic goes on: dropped ones never come.
 const STALLED: Duration = Duration::from_secs(2);
 
@@ -144,11 +147,11 @@ fn run(case: &Case, templates: &Arc<[Template; 4]>, folder: &Path) -> anyhow::Re
         let (assessed, newest) = (observed.0.clone(), newest.clone());
         let (actuators, spread) = (case.actuators, case.spread);
         let before = move |second: u64| {
-            // Windows that have ended by then; those that are spread end all the time.
+            // Windows that have ended by then; those that are spread end all the time, the others soon after the minute has begun.
             let ended = if spread {
                 actuators * second / 60
             } else {
-                actuators * (second / 60)
+                actuators * ((second + 60 - ENDED_S) / 60)
             };
             let backlog = if spread { BACKLOG_MAX } else { 0 };
             let (mut last, mut since) = (0, Instant::now());

@@ -1,7 +1,11 @@
 //! The identification thread: windows of the queue to records. CPU-bound.
 
+use std::collections::{BTreeSet, VecDeque};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
+use std::time::Instant;
+
+use rayon::prelude::*;
 
 use super::capture::Found;
 use super::health_tracker::{HealthTracker, is_worse};
@@ -10,10 +14,10 @@ use super::pipeline_thread::{publish, publish_rate_limited};
 use super::{DaemonError, Observer, Shared, WaitingWindow, WindowQueue, lock};
 use hmd_core::assess::{AssessError, AssessedWindow, Assessor, Estimator};
 use hmd_core::config::Config;
-use hmd_core::deadline::Turns;
+use hmd_core::deadline::{TimeLimit, Turns};
 use hmd_core::history::RunEnd;
 use hmd_core::learning::Learner;
-use hmd_core::outbox::Notice;
+use hmd_core::outbox::{Notice, WindowJob};
 use hmd_core::record::{LogLevel, WindowStatus};
 use hmd_storage::calibration_file::{load_learnt, load_models, remove_learnt, save_learnt};
 use hmd_storage::event_file::load_events;
@@ -84,11 +88,27 @@ impl<'a, C: HostClock> Identification<'a, C> {
     ) -> Result<(), DaemonError> {
         self.rehearse()?;
         while !windows.is_over(self.clock.now())
-            && let Some(window) = windows.pop()
+            && let Some(mut taken) = windows.pop_some(|waiting| self.side_by_side(waiting))
         {
-            self.assess(window, windows, shared, observer)?;
+            match taken.pop() {
+                Some(alone) if taken.is_empty() => self.assess(alone, windows, shared, observer)?,
+                last => self.assess_together(taken.into_iter().chain(last), shared, observer)?,
+            }
         }
         Ok(())
+    }
+
+    /// How many of the windows that wait are assessed together: the oldest ones of different actuators, one for each thread. With a deadline
+    /// each has a turn of its own.
+    fn side_by_side(&self, waiting: &VecDeque<WaitingWindow>) -> usize {
+        if self.turns.are_limited() {
+            return 1;
+        }
+        let mut names = BTreeSet::new();
+        let different = waiting
+            .iter()
+            .take_while(|window| names.insert(&window.job.actuator.name));
+        different.take(rayon::current_num_threads()).count()
     }
 
     /// Measures how long identification takes on this computer, where windows have a deadline.
@@ -108,22 +128,68 @@ impl<'a, C: HostClock> Identification<'a, C> {
         shared: &Mutex<Shared>,
         observer: &impl Observer,
     ) -> Result<(), DaemonError> {
-        // Events may have come since the last window; the file is short. One that is damaged does not end the watch.
-        let events = match load_events(&self.config) {
-            Ok(events) => {
-                self.assessor.histories().set_events(events);
-                None
-            }
-            Err(error) => Some(format!("rul.events: {error}")),
-        };
+        let trouble = self.load_events();
         let since = self.clock.instant();
-        let passive = job.actuator.passive;
-        let length_ns = (1e9 * job.length_s()) as u64;
+        let facts = Facts::of(&job);
         let assessed = self.turns.take(
             arrived,
             || windows.look(|waiting| waiting.iter().map(|waiting| waiting.arrived).collect()),
             |limit| self.learner.assess(&mut self.assessor, job, limit),
         )?;
+        self.publish_assessed(&assessed, facts, trouble, since, shared, observer)
+    }
+
+    /// The same of windows of different actuators, explained side by side. Their records are those of one after another.
+    fn assess_together(
+        &mut self,
+        taken: impl Iterator<Item = WaitingWindow>,
+        shared: &Mutex<Shared>,
+        observer: &impl Observer,
+    ) -> Result<(), DaemonError> {
+        let mut trouble = self.load_events();
+        let mut since = self.clock.instant();
+        let begun = taken.map(|WaitingWindow { job, .. }| {
+            let facts = Facts::of(&job);
+            Ok((self.learner.begin(&mut self.assessor, job, None)?, facts))
+        });
+        let begun = begun.collect::<Result<Vec<_>, AssessError>>()?;
+        let assessor = &self.assessor;
+        let explained: Vec<_> = begun
+            .into_par_iter()
+            .map(|(begun, facts)| (begun.explain(assessor, &TimeLimit::none()), facts))
+            .collect();
+        for (explained, facts) in explained {
+            let assessed = self
+                .learner
+                .conclude(&mut self.assessor, explained?, &TimeLimit::none())?;
+            self.publish_assessed(&assessed, facts, trouble.take(), since, shared, observer)?;
+            since = self.clock.instant();
+        }
+        Ok(())
+    }
+
+    /// Takes the maintenance events that have come since the last window; the file is short. One that is damaged does not end the watch.
+    fn load_events(&mut self) -> Option<String> {
+        match load_events(&self.config) {
+            Ok(events) => {
+                self.assessor.histories().set_events(events);
+                None
+            }
+            Err(error) => Some(format!("rul.events: {error}")),
+        }
+    }
+
+    /// Commissions the unit of an assessed window where that was the last one that it took, stores the records and reports them. `since` is when
+    /// the work for it began, `trouble` what an operator should read besides.
+    fn publish_assessed(
+        &mut self,
+        assessed: &AssessedWindow,
+        Facts { length_ns, passive }: Facts,
+        trouble: Option<String>,
+        since: Instant,
+        shared: &Mutex<Shared>,
+        observer: &impl Observer,
+    ) -> Result<(), DaemonError> {
         let commissioned = self.learner.commission_complete(&mut self.assessor)?;
         let took = self.clock.instant() - since;
         // Before the lock is taken: frames need not wait for files. What was learnt goes before the history says that the event was followed: the
@@ -158,7 +224,7 @@ impl<'a, C: HostClock> Identification<'a, C> {
                 ))
             })
             .collect();
-        let troubles = events
+        let troubles = trouble
             .into_iter()
             .chain(saved.err().map(|error| error.to_string()))
             .chain(unremoved)
@@ -185,7 +251,7 @@ impl<'a, C: HostClock> Identification<'a, C> {
                 let stamp_ns = assessed.health.t_start_ns;
                 publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Info, &mut shared, observer)?;
             }
-            Self::keep_frames(&assessed, length_ns, &mut shared, observer)?;
+            Self::keep_frames(assessed, length_ns, &mut shared, observer)?;
             shared.health_changed |=
                 shared.health_tracker.health_of(&assessed.health.actuator).health != assessed.health.health;
             let notices = shared.health_tracker.update(
@@ -205,7 +271,7 @@ impl<'a, C: HostClock> Identification<'a, C> {
             }
             let (mut stored, mut messages) = (true, Vec::new());
             if let Some(recorder) = &mut shared.recorder {
-                stored = recorder.write_assessed(&assessed)?;
+                stored = recorder.write_assessed(assessed)?;
                 messages = recorder.take_messages();
             }
             // Reported before the line of a window that is not stored.
@@ -220,9 +286,9 @@ impl<'a, C: HostClock> Identification<'a, C> {
         };
         // Reported only now: what is reported as assessed is on the disk.
         let reported = if stored {
-            observer.assessed(&assessed)
+            observer.assessed(assessed)
         } else {
-            observer.assessed_unstored(&assessed)
+            observer.assessed_unstored(assessed)
         };
         reported.map_err(DaemonError::Stdout)?;
         if commissioned {
@@ -268,6 +334,23 @@ impl<'a, C: HostClock> Identification<'a, C> {
         }
         shared.end_wait(from_ns);
         Ok(())
+    }
+}
+
+/// What is needed of a window behind its assessment.
+#[derive(Clone, Copy)]
+struct Facts {
+    length_ns: u64,
+    /// Whether its actuator is passive.
+    passive: bool,
+}
+
+impl Facts {
+    fn of(job: &WindowJob) -> Self {
+        Self {
+            length_ns: (1e9 * job.length_s()) as u64,
+            passive: job.actuator.passive,
+        }
     }
 }
 

@@ -25,8 +25,8 @@ struct State<T> {
     closed: bool,
     /// Time after which the popping thread takes no further window; of a clock that the queue does not read.
     ends: Option<Duration>,
-    /// When the window was taken that is being assessed.
-    busy_since: Option<Instant>,
+    /// When the windows were taken that are being assessed, and how many.
+    busy: Option<(Instant, u64)>,
 }
 
 impl<T> WindowQueue<T> {
@@ -36,7 +36,7 @@ impl<T> WindowQueue<T> {
                 waiting: VecDeque::new(),
                 closed: false,
                 ends: None,
-                busy_since: None,
+                busy: None,
             }),
             changed: Condvar::new(),
         }
@@ -63,15 +63,23 @@ impl<T> WindowQueue<T> {
 
     /// The oldest window; waits for one. `None` when the queue is closed and empty.
     pub(super) fn pop(&self) -> Option<T> {
+        self.pop_some(|_| 1)?.pop()
+    }
+
+    /// The oldest windows, as many as wanted of those that wait, and one at least; waits for one. `None` when the queue is closed and
+    /// empty.
+    pub(super) fn pop_some(&self, wanted: impl Fn(&VecDeque<T>) -> usize) -> Option<Vec<T>> {
         let mut state = self.lock();
-        if state.busy_since.take().is_some() {
+        if state.busy.take().is_some() {
             self.changed.notify_all();
         }
         loop {
-            if let Some(job) = state.waiting.pop_front() {
-                state.busy_since = Some(Instant::now());
+            if !state.waiting.is_empty() {
+                let count = wanted(&state.waiting).clamp(1, state.waiting.len());
+                let taken: Vec<T> = state.waiting.drain(..count).collect();
+                state.busy = Some((Instant::now(), count as u64));
                 self.changed.notify_all();
-                return Some(job);
+                return Some(taken);
             }
             if state.closed {
                 return None;
@@ -88,7 +96,7 @@ impl<T> WindowQueue<T> {
     /// Windows that wait or are being assessed.
     pub(super) fn unassessed(&self) -> u64 {
         let state = self.lock();
-        state.waiting.len() as u64 + u64::from(state.busy_since.is_some())
+        state.waiting.len() as u64 + state.busy.map_or(0, |(_, windows)| windows)
     }
 
     /// Windows that wait.
@@ -96,9 +104,9 @@ impl<T> WindowQueue<T> {
         self.lock().waiting.len()
     }
 
-    /// For how long the window that was taken last has been assessed; zero when none is.
+    /// For how long the windows that were taken last have been assessed; zero when none are.
     pub(super) fn busy_for(&self) -> Duration {
-        self.lock().busy_since.map_or(Duration::ZERO, |since| since.elapsed())
+        self.lock().busy.map_or(Duration::ZERO, |(since, _)| since.elapsed())
     }
 
     /// The run ends: no further window is to be popped from this time on.
@@ -113,7 +121,7 @@ impl<T> WindowQueue<T> {
 
     /// Waits until all windows are assessed or an end has closed the queue, for a time at most. Whether it is so.
     pub(super) fn wait_idle(&self, within: Duration) -> bool {
-        let is_busy = |state: &mut State<T>| !state.closed && (!state.waiting.is_empty() || state.busy_since.is_some());
+        let is_busy = |state: &mut State<T>| !state.closed && (!state.waiting.is_empty() || state.busy.is_some());
         let waited = self.changed.wait_timeout_while(self.lock(), within, is_busy);
         let (mut state, _) = waited.unwrap_or_else(PoisonError::into_inner);
         !is_busy(&mut state)

@@ -51,3 +51,19 @@ fn an_end_waits_for_what_is_assessed_and_what_is_left_is_taken_out() {
     queue.close();
     assert!(queue.wait_idle(soon), "nobody pops");
 }
+
+#[test]
+fn several_are_taken_together_as_far_as_they_wait() {
+    let queue = WindowQueue::new();
+    for n in 0..5 {
+        queue.push(n);
+    }
+    assert_eq!(queue.pop_some(|waiting| waiting.len() - 3), Some(vec![0, 1]));
+    assert_eq!(queue.unassessed(), 5);
+    assert_eq!(queue.pop_some(|_| 0), Some(vec![2]));
+    assert_eq!(queue.pop_some(|_| 9), Some(vec![3, 4]));
+    assert_eq!(queue.unassessed(), 2);
+    queue.close();
+    assert_eq!(queue.pop_some(|_| 9), None);
+    assert_eq!(queue.unassessed(), 0);
+}

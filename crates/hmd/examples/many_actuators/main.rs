@@ -2,9 +2,10 @@
 //!
 //! Frames from memory go through the daemon's own queues, windowing, identification and storage, in compressed time. The
 //! share of a core is processor time over simulated time. Traffic waits while identification is behind, so that compressed
-//! time alone drops no window.
+//! time alone drops no window. Without numbers of actuators it draws `docs/img/many_actuators.svg`.
 #![allow(clippy::print_stdout, reason = "it prints figures")]
 
+mod plot;
 mod traffic;
 
 use std::collections::BTreeMap;
@@ -23,10 +24,11 @@ use hmd_core::config::{Config, Limits};
 use hmd_core::record::Status;
 use hmd_ingest::live::LiveSource;
 use hmd_storage::recorder::{Recorder, metadata};
+use plot::Curve;
 use traffic::{Bus, PER_BUS, RATE_HZ, SAMPLES_PER_MINUTE, Template};
 
-/// Windows that compressed traffic lets identification lie behind; its queue holds 64, as many as end at once.
-const BACKLOG_MAX: u64 = 32;
+/// Windows that compressed traffic lets identification lie behind; its queue holds 64, as many as end at once. Buses are some seconds apart.
+const BACKLOG_MAX: u64 = 16;
 
 /// Second of a minute by which windows that begin with it have ended.
 const ENDED_S: u64 = 3;
@@ -143,15 +145,19 @@ fn run(case: &Case, templates: &Arc<[Template; 4]>, folder: &Path) -> anyhow::Re
     let observed = Observed::default();
     let newest = Arc::new(Mutex::new(start.clone()));
     let since = Instant::now();
+    // Second that the traffic of each bus has reached: one that waits stops all, so none waits for the windows of another that is behind.
+    let reached: Arc<Vec<AtomicU64>> = Arc::new((0..buses).map(|_| AtomicU64::new(0)).collect());
     let sources = (0..buses).map(|number| {
-        let (assessed, newest) = (observed.0.clone(), newest.clone());
+        let (assessed, newest, reached) = (observed.0.clone(), newest.clone(), reached.clone());
         let (actuators, spread) = (case.actuators, case.spread);
         let before = move |second: u64| {
             // Windows that have ended by then; those that are spread end all the time, the others soon after the minute has begun.
+            reached[number as usize].store(second, Ordering::Relaxed);
+            let by_all = reached.iter().map(|of| of.load(Ordering::Relaxed)).min().unwrap_or(0);
             let ended = if spread {
-                actuators * second / 60
+                actuators * by_all / 60
             } else {
-                actuators * ((second + 60 - ENDED_S) / 60)
+                actuators * ((by_all + 60 - ENDED_S) / 60)
             };
             let backlog = if spread { BACKLOG_MAX } else { 0 };
             let (mut last, mut since) = (0, Instant::now());
@@ -191,12 +197,34 @@ fn run(case: &Case, templates: &Arc<[Template; 4]>, folder: &Path) -> anyhow::Re
     })
 }
 
+/// What a run cost, % of a core.
+struct Shares {
+    queue: f64,
+    pipeline: f64,
+    identification: f64,
+}
+
+impl Shares {
+    fn of(case: &Case, cost: &Cost) -> Self {
+        let simulated = 60.0 * case.minutes as f64;
+        let share = |name: &str| 100.0 * cost.threads.get(name).copied().unwrap_or(0.0) / simulated;
+        Self {
+            queue: share("sources") - 100.0 * cost.making_s / simulated,
+            pipeline: share("pipeline"),
+            identification: share("identification"),
+        }
+    }
+
+    /// All but identification.
+    fn front(&self) -> f64 {
+        self.queue + self.pipeline
+    }
+}
+
 fn print(case: &Case, cost: &Cost) {
-    let Cost { status, threads, .. } = cost;
-    let simulated = 60.0 * case.minutes as f64;
-    let share = |name: &str| 100.0 * threads.get(name).copied().unwrap_or(0.0) / simulated;
-    let queue = share("sources") - 100.0 * cost.making_s / simulated;
-    let front = share("pipeline") + queue;
+    let status = &cost.status;
+    let shares = Shares::of(case, cost);
+    let (queue, front) = (shares.queue, shares.front());
     let windows = status.windows_ok + status.windows_degraded + status.windows_invalid + status.windows_unmodelled;
     let mean_s = status.identification_s / windows.max(1) as f64;
     println!(
@@ -207,9 +235,9 @@ fn print(case: &Case, cost: &Cost) {
         if case.spread { "spread" } else { "at once" },
         status.frames_received as f64 / cost.took_s,
         status.lost_windows,
-        share("pipeline"),
+        shares.pipeline,
         front / case.actuators as f64,
-        share("identification"),
+        shares.identification,
         1e3 * mean_s,
         status.identification_s / case.minutes as f64,
     );
@@ -264,7 +292,9 @@ fn main() -> anyhow::Result<()> {
          | actuators | judged by | stored | windows | frames/s | assessed | dropped | queue | pipeline | both | each | \
          identification | window, ms | minute, s |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|"
     );
+    let (mut front, mut identification) = (Vec::new(), Vec::new());
     for base in [by_relations, by_monitor, searched] {
+        let (mut stored, mut unstored, mut judged) = (Vec::new(), Vec::new(), Vec::new());
         for &actuators in sizes.unwrap_or(&[1, 4, 16, 64]) {
             for (store, spread) in [(true, true), (false, true), (true, false)] {
                 let case = Case {
@@ -273,9 +303,40 @@ fn main() -> anyhow::Result<()> {
                     spread,
                     ..base.clone()
                 };
-                print(&case, &run(&case, &templates, folder.path())?);
+                let cost = run(&case, &templates, folder.path())?;
+                print(&case, &cost);
+                let shares = Shares::of(&case, &cost);
+                let each = |share: f64| (actuators, share / actuators as f64);
+                match (store, spread) {
+                    (true, true) => {
+                        stored.push(each(shares.front()));
+                        judged.push(each(shares.identification));
+                    }
+                    (false, _) => unstored.push(each(shares.front())),
+                    (true, false) => {}
+                }
             }
         }
+        if front.is_empty() {
+            front = vec![
+                Curve {
+                    name: "with storage",
+                    points: stored,
+                },
+                Curve {
+                    name: "without",
+                    points: unstored,
+                },
+            ];
+        }
+        identification.push(Curve {
+            name: base.judge,
+            points: judged,
+        });
+    }
+    if sizes.is_none() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/img/many_actuators.svg");
+        plot::draw(&path, &front, &identification)?;
     }
     Ok(())
 }

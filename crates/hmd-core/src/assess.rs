@@ -94,6 +94,13 @@ impl BegunWindow {
     }
 }
 
+impl ExplainedWindow {
+    /// The window, as its explanation left it.
+    pub(crate) fn into_job(self) -> WindowJob {
+        self.begun.job
+    }
+}
+
 /// Windows by status.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct WindowCounts {

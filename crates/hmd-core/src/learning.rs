@@ -63,6 +63,14 @@ pub struct ExplainedLearning {
     aside: Aside,
 }
 
+impl ExplainedLearning {
+    /// The window, as its explanation left it.
+    #[must_use]
+    pub fn into_job(self) -> WindowJob {
+        self.window.into_job()
+    }
+}
+
 /// What belongs to a window besides its assessment.
 #[derive(Debug)]
 struct Aside {

@@ -63,9 +63,9 @@ pub(super) fn gain_ratio<S: RecordedSample>(
     if !window.inner().any(|n| window.position_error(n).is_some()) {
         return Err(Needed::PositionMode);
     }
-    let mut rows = LawRows::new(window, &kernel, 1, known.delay_s);
-    let law = Law::new(&mut rows, known).ok_or(Needed::UnsaturatedControl)?;
-    ratio(&mut rows, &law, known).ok_or(Needed::UnsaturatedControl)
+    let mut rows = LawRows::new(window, &kernel, 1, known);
+    let law = Law::new(&mut rows).ok_or(Needed::UnsaturatedControl)?;
+    ratio(&mut rows, &law).ok_or(Needed::UnsaturatedControl)
 }
 
 /// Scale of the torque that a window shows by itself, drawn towards zero; `None` where it shows none.
@@ -80,8 +80,8 @@ pub(super) fn free_scale<S: RecordedSample>(
         scale: None,
         delay_s: Some(delay_s),
     };
-    let mut rows = LawRows::new(window, &kernel, 1, known.delay_s);
-    Some(Law::new(&mut rows, known)?.solution.x[SCALE])
+    let mut rows = LawRows::new(window, &kernel, 1, known);
+    Some(Law::new(&mut rows)?.solution.x[SCALE])
 }
 
 /// The law of one window, solved.
@@ -95,7 +95,8 @@ pub(super) struct Law {
 impl Law {
     /// Solves the law; `None` where too few rows are without limits.
     #[inline(never)]
-    pub(super) fn new<S: RecordedSample>(rows: &mut LawRows<'_, S>, known: LawKnowledge) -> Option<Self> {
+    pub(super) fn new<S: RecordedSample>(rows: &mut LawRows<'_, S>) -> Option<Self> {
+        let known = rows.known;
         let mut equations = NormalEquations::new();
         rows.each(|row| {
             if let Some((row, d_torque)) = row {
@@ -150,30 +151,30 @@ pub(super) struct LawRows<'a, S> {
     pub(super) window: &'a MeasuredWindow<'a, S>,
     pub(super) kernel: &'a Kernel,
     block: usize,
-    delay_s: Option<f64>,
+    known: LawKnowledge,
     kept: Kept<Option<LawRow>>,
 }
 
 impl<'a, S: RecordedSample> LawRows<'a, S> {
-    /// Of blocks of so many samples, with the time from the logged set point to its effect, s, where that is no unknown.
+    /// Of blocks of so many samples.
     pub(super) fn new(
         window: &'a MeasuredWindow<'a, S>,
         kernel: &'a Kernel,
         block: usize,
-        delay_s: Option<f64>,
+        known: LawKnowledge,
     ) -> Self {
         Self {
             window,
             kernel,
             block,
-            delay_s,
-            kept: Kept::new(window.len()),
+            known,
+            kept: Kept::new(window.len() / block),
         }
     }
 
     /// Passes each row; `None` unless neither speed nor torque is at its limit under the kernel that ends there.
     pub(super) fn each(&mut self, mut pass: impl FnMut(Option<&LawRow>)) {
-        let (window, block, delay_s) = (self.window, self.block, self.delay_s);
+        let (window, block, delay_s) = (self.window, self.block, self.known.delay_s);
         let weights = row_weights(window, self.kernel);
         let mut ring = Sliding::<QUANTITIES>::new(self.kernel.span);
         let (begin, blocks) = (window.inner().start, window.inner().len() / block);
@@ -257,7 +258,7 @@ const MIN_INDEPENDENT: usize = 4;
 
 /// Ratio of the first two unknowns and its standard deviation; `None` where the rows do not show it.
 #[inline(never)]
-fn ratio<S: RecordedSample>(rows: &mut LawRows<'_, S>, law: &Law, known: LawKnowledge) -> Option<(Reading, Residual)> {
+fn ratio<S: RecordedSample>(rows: &mut LawRows<'_, S>, law: &Law) -> Option<(Reading, Residual)> {
     let Law {
         equations, solution, ..
     } = law;
@@ -280,7 +281,7 @@ fn ratio<S: RecordedSample>(rows: &mut LawRows<'_, S>, law: &Law, known: LawKnow
     let variance = gradient.dot(&(covariance * gradient)).max(groups.variance(of)[0]);
     let reading = Reading {
         value: g / h,
-        sigma: libm::sqrt(variance + law.variance_of_scale(known)),
+        sigma: libm::sqrt(variance + law.variance_of_scale(rows.known)),
     };
     let residual = Residual {
         rms: solution.residual_rms,

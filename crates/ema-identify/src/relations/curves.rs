@@ -142,9 +142,9 @@ impl CommissionedRelations {
         let rate = window.params().sensors.sample_rate;
         let kernel = Kernel::new(self.gain_half_width_s, rate, &Compliance::RIGID);
         let known = self.law_knowledge(None);
-        let mut rows = LawRows::new(window, &kernel, 1, known.delay_s);
+        let mut rows = LawRows::new(window, &kernel, 1, known);
         let mut points = Vec::new();
-        if let Some(Law { solution, .. }) = Law::new(&mut rows, known) {
+        if let Some(Law { solution, .. }) = Law::new(&mut rows) {
             rows.each(|row| {
                 points.push(CurvePoint {
                     time_s: centre_s(points.len(), &kernel, rate),

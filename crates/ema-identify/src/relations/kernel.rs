@@ -7,7 +7,7 @@
 use super::compliance::Compliance;
 
 /// Largest half width W, samples: 12 ms at 2 kHz, 3 ms at 8 kHz.
-pub(super) const MAX_HALF_WIDTH: usize = 24;
+const MAX_HALF_WIDTH: usize = 24;
 
 /// Samples under the widest kernel.
 pub(super) const MAX_SPAN: usize = 2 * MAX_HALF_WIDTH + 1;

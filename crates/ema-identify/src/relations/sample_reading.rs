@@ -1,4 +1,4 @@
-//! What a sample brings to the torque balance, whatever is known of load, turns and shorted loops: made once for all passes.
+//! What a sample brings to the torque balance, whatever is known of load, turns and shorted loops.
 //!
 //! Products that change fast with the motor angle are means around their sample where the samples alone would alias
 //! ([`between_samples`](super::between_samples)).

@@ -3,7 +3,7 @@
 //! A set point that takes effect δ after it is logged gives `e₁ = G_p (θ_cmd(t − δ) − θ_out)`. In steady motion δ changes e₁ as another
 //! gain does; where the motion starts, turns and ends it does not. To first order `e₁(t − δ) ≈ e₁ − δ G_p θ_cmd'`, so that g δ is one more
 //! unknown of the law (`controller`). Only a wide kernel keeps the noise of the differentiated current small beside θ_cmd''; what is
-//! sampled faster than the kernel holds is averaged over blocks of samples. Derived here.
+//! sampled faster than its half width needs is averaged over blocks of samples. Derived here.
 
 use nalgebra::SVector;
 
@@ -49,10 +49,10 @@ pub fn setpoint_delay<S: RecordedSample>(
         scale: torque_scale,
         delay_s: None,
     };
-    let mut rows = LawRows::new(window, &kernel, block as usize, None);
+    let mut rows = LawRows::new(window, &kernel, block as usize, known);
     let Law {
         equations, solution, ..
-    } = Law::new(&mut rows, known)?;
+    } = Law::new(&mut rows)?;
     let mut overlap = Overlap::<LAW_COUNT>::new(&kernel.first, kernel.span);
     rows.each(|row| overlap.add(row.map(|(row, _)| row)));
     let covariance = overlap.covariance(&equations, &solution);

@@ -150,8 +150,7 @@ pub(super) struct BalanceRow {
     pub(super) forward: bool,
 }
 
-/// The terms under the kernel, 10 KiB. It is the caller's, because an iterator that owned it would be moved, and the controller has no room
-/// for the copies.
+/// The terms under the kernel, 10 KiB. It is the caller's: what owned it would be moved, and the controller has no room for the copies.
 pub(super) type BalanceRing = Sliding<TERM_COUNT>;
 
 /// What the terms of a window take as known of it.

@@ -251,6 +251,7 @@ struct Rows<'a, S> {
     unit: &'a BalanceCoefficients,
     kernel: &'a Kernel,
     ring: BalanceRing,
+    /// Kept where they are means between the samples.
     samples: Kept<SampleReading>,
     /// The rows of the state and the loop that they were made with.
     rows: Kept<Option<FreeRow>>,
@@ -271,11 +272,11 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
             unit,
             kernel,
             ring: BalanceRing::new(kernel.span),
-            samples: Kept::new(if instants(window.params()) > 0 {
-                window.len()
+            samples: if instants(window.params()) > 0 {
+                Kept::new(window.len())
             } else {
-                usize::MAX
-            }),
+                Kept::none()
+            },
             rows: Kept::new(window.len()),
             rows_of: None,
             state: WindowState {

@@ -3,7 +3,7 @@
 use std::collections::{BTreeSet, VecDeque};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
@@ -13,7 +13,7 @@ use super::host_clock::HostClock;
 use super::pipeline_thread::{publish, publish_rate_limited};
 use super::{DaemonError, Observer, Shared, WaitingWindow, WindowQueue, lock};
 use hmd_core::assess::{AssessError, AssessedWindow, Assessor, Estimator};
-use hmd_core::config::Config;
+use hmd_core::config::{ActuatorConfig, Config};
 use hmd_core::deadline::{TimeLimit, Turns};
 use hmd_core::history::RunEnd;
 use hmd_core::learning::Learner;
@@ -88,27 +88,37 @@ impl<'a, C: HostClock> Identification<'a, C> {
     ) -> Result<(), DaemonError> {
         self.rehearse()?;
         while !windows.is_over(self.clock.now())
-            && let Some(mut taken) = windows.pop_some(|waiting| self.side_by_side(waiting))
-        {
-            match taken.pop() {
-                Some(alone) if taken.is_empty() => self.assess(alone, windows, shared, observer)?,
-                last => self.assess_together(taken.into_iter().chain(last), shared, observer)?,
-            }
-        }
+            && self.assess_next(rayon::current_num_threads(), windows, shared, observer)?
+        {}
         Ok(())
     }
 
-    /// How many of the windows that wait are assessed together: the oldest ones of different actuators, one for each thread. With a deadline
-    /// each has a turn of its own.
-    fn side_by_side(&self, waiting: &VecDeque<WaitingWindow>) -> usize {
-        if self.turns.are_limited() {
-            return 1;
+    /// Assesses the oldest windows that wait, of different actuators, at most so many: explained side by side, concluded and published in their
+    /// order, with the records of one after another. Waits for one; `false` when the queue is closed and empty. With a deadline each window has a
+    /// turn of its own.
+    pub(super) fn assess_next(
+        &mut self,
+        at_most: usize,
+        windows: &WindowQueue,
+        shared: &Mutex<Shared>,
+        observer: &impl Observer,
+    ) -> Result<bool, DaemonError> {
+        let at_most = if self.turns.are_limited() { 1 } else { at_most };
+        let side_by_side = |waiting: &VecDeque<WaitingWindow>| {
+            let mut names = BTreeSet::new();
+            let different = waiting
+                .iter()
+                .take_while(|window| names.insert(&window.job.actuator.name));
+            different.take(at_most).count()
+        };
+        let Some(taken) = windows.pop_some(side_by_side) else {
+            return Ok(false);
+        };
+        match <[_; 1]>::try_from(taken) {
+            Ok([alone]) => self.assess(alone, windows, shared, observer)?,
+            Err(several) => self.assess_together(several, windows, shared, observer)?,
         }
-        let mut names = BTreeSet::new();
-        let different = waiting
-            .iter()
-            .take_while(|window| names.insert(&window.job.actuator.name));
-        different.take(rayon::current_num_threads()).count()
+        Ok(true)
     }
 
     /// Measures how long identification takes on this computer, where windows have a deadline.
@@ -121,54 +131,91 @@ impl<'a, C: HostClock> Identification<'a, C> {
     }
 
     /// Assesses one window, stores its records and reports it.
-    pub(super) fn assess(
+    fn assess(
         &mut self,
         WaitingWindow { job, arrived }: WaitingWindow,
         windows: &WindowQueue,
         shared: &Mutex<Shared>,
         observer: &impl Observer,
     ) -> Result<(), DaemonError> {
-        let trouble = self.load_events();
+        let beside = Beside {
+            trouble: self.load_events(),
+            ..Beside::of(&job, arrived)
+        };
         let since = self.clock.instant();
-        let facts = Facts::of(&job);
         let assessed = self.turns.take(
             arrived,
             || windows.look(|waiting| waiting.iter().map(|waiting| waiting.arrived).collect()),
             |limit| self.learner.assess(&mut self.assessor, job, limit),
         )?;
-        self.publish_assessed(&assessed, facts, trouble, since, shared, observer)
+        self.publish_assessed(&assessed, beside, since, shared, observer)
     }
 
-    /// The same of windows of different actuators, explained side by side. Their records are those of one after another.
+    /// The same of windows of different actuators. Those behind one that ends the run are given back.
     fn assess_together(
         &mut self,
-        taken: impl Iterator<Item = WaitingWindow>,
+        taken: Vec<WaitingWindow>,
+        windows: &WindowQueue,
         shared: &Mutex<Shared>,
         observer: &impl Observer,
     ) -> Result<(), DaemonError> {
         let mut trouble = self.load_events();
-        let mut since = self.clock.instant();
-        let begun = taken.map(|WaitingWindow { job, .. }| {
-            let facts = Facts::of(&job);
-            Ok((self.learner.begin(&mut self.assessor, job, None)?, facts))
-        });
-        let begun = begun.collect::<Result<Vec<_>, AssessError>>()?;
-        let assessor = &self.assessor;
+        let begin = |WaitingWindow { job, arrived }| {
+            let beside = Beside::of(&job, arrived);
+            let begun = self.learner.begin(&mut self.assessor, job, None);
+            let told = self.take_told();
+            let trouble = trouble.take();
+            (
+                begun,
+                Beside {
+                    told,
+                    trouble,
+                    ..beside
+                },
+            )
+        };
+        let begun: Vec<_> = taken.into_iter().map(begin).collect();
+        let (assessor, clock) = (&self.assessor, self.clock);
         let explained: Vec<_> = begun
             .into_par_iter()
-            .map(|(begun, facts)| (begun.explain(assessor, &TimeLimit::none()), facts))
+            .map(|(begun, beside)| {
+                let since = clock.instant();
+                let explained = begun.and_then(|begun| begun.explain(assessor, &TimeLimit::none()));
+                let took = clock.instant() - since;
+                (explained, Beside { took, ..beside })
+            })
             .collect();
-        for (explained, facts) in explained {
-            let assessed = self
-                .learner
-                .conclude(&mut self.assessor, explained?, &TimeLimit::none())?;
-            self.publish_assessed(&assessed, facts, trouble.take(), since, shared, observer)?;
-            since = self.clock.instant();
+        let mut explained = explained.into_iter();
+        while let Some((window, beside)) = explained.next() {
+            let since = self.clock.instant();
+            let concluded =
+                window.and_then(|window| self.learner.conclude(&mut self.assessor, window, &TimeLimit::none()));
+            let published = concluded
+                .map_err(DaemonError::from)
+                .and_then(|assessed| self.publish_assessed(&assessed, beside, since, shared, observer));
+            if let Err(error) = published {
+                let behind = explained.filter_map(|(window, Beside { arrived, .. })| {
+                    let job = window.ok()?.into_job();
+                    Some(WaitingWindow { job, arrived })
+                });
+                windows.give_back(behind);
+                return Err(error);
+            }
+            windows.one_done();
         }
         Ok(())
     }
 
-    /// Takes the maintenance events that have come since the last window; the file is short. One that is damaged does not end the watch.
+    /// What histories and learner have told since they were asked last.
+    fn take_told(&mut self) -> Told {
+        Told {
+            by_histories: self.assessor.histories().take_notices(),
+            by_learner: self.learner.take_notices(),
+            replaced: self.learner.take_replaced(),
+        }
+    }
+
+    /// Takes the maintenance events that have come since the windows before; the file is short. One that is damaged does not end the watch.
     fn load_events(&mut self) -> Option<String> {
         match load_events(&self.config) {
             Ok(events) => {
@@ -180,23 +227,22 @@ impl<'a, C: HostClock> Identification<'a, C> {
     }
 
     /// Commissions the unit of an assessed window where that was the last one that it took, stores the records and reports them. `since` is when
-    /// the work for it began, `trouble` what an operator should read besides.
+    /// the work began that does not count yet.
     fn publish_assessed(
         &mut self,
         assessed: &AssessedWindow,
-        Facts { length_ns, passive }: Facts,
-        trouble: Option<String>,
+        beside: Beside,
         since: Instant,
         shared: &Mutex<Shared>,
         observer: &impl Observer,
     ) -> Result<(), DaemonError> {
         let commissioned = self.learner.commission_complete(&mut self.assessor)?;
-        let took = self.clock.instant() - since;
+        let took = beside.took + (self.clock.instant() - since);
+        let (told, now_told) = (beside.told, self.take_told());
         // Before the lock is taken: frames need not wait for files. What was learnt goes before the history says that the event was followed: the
         // power may fail between.
-        let replaced = self.learner.take_replaced();
+        let replaced = told.replaced.iter().chain(&now_told.replaced);
         let unremoved: Vec<String> = replaced
-            .iter()
             .filter_map(|actuator| {
                 let error = remove_learnt(&self.config, actuator).err()?;
                 let name = &actuator.name;
@@ -224,19 +270,15 @@ impl<'a, C: HostClock> Identification<'a, C> {
                 ))
             })
             .collect();
-        let troubles = trouble
+        let troubles = beside
+            .trouble
             .into_iter()
             .chain(saved.err().map(|error| error.to_string()))
             .chain(unremoved)
             .chain(unkept);
         let pending = self.assessor.histories().pending(&assessed.health.actuator);
-        let notices: Vec<String> = self
-            .assessor
-            .histories()
-            .take_notices()
-            .into_iter()
-            .chain(troubles)
-            .collect();
+        let by_histories = told.by_histories.into_iter().chain(now_told.by_histories);
+        let notices: Vec<String> = by_histories.chain(troubles).collect();
         let stored = {
             let mut shared = lock(shared);
             shared.windows = self.assessor.counts();
@@ -247,11 +289,11 @@ impl<'a, C: HostClock> Identification<'a, C> {
                 let stamp_ns = assessed.health.t_start_ns;
                 publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Warning, &mut shared, observer)?;
             }
-            for message in self.learner.take_notices() {
+            for message in told.by_learner.into_iter().chain(now_told.by_learner) {
                 let stamp_ns = assessed.health.t_start_ns;
                 publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Info, &mut shared, observer)?;
             }
-            Self::keep_frames(assessed, length_ns, &mut shared, observer)?;
+            Self::keep_frames(assessed, beside.length_ns, &mut shared, observer)?;
             shared.health_changed |=
                 shared.health_tracker.health_of(&assessed.health.actuator).health != assessed.health.health;
             let notices = shared.health_tracker.update(
@@ -259,13 +301,13 @@ impl<'a, C: HostClock> Identification<'a, C> {
                 assessed.rul.rul_p10_h,
                 &assessed.news,
                 pending,
-                passive,
+                beside.passive,
             );
             for (level, message) in notices {
                 let stamp_ns = assessed.health.t_start_ns;
                 publish(&Notice { stamp_ns, message }, level, &mut shared, observer)?;
             }
-            if let Some((level, message)) = shared.health_tracker.update_sensors(&assessed.sensors, passive) {
+            if let Some((level, message)) = shared.health_tracker.update_sensors(&assessed.sensors, beside.passive) {
                 let stamp_ns = assessed.health.t_start_ns;
                 publish(&Notice { stamp_ns, message }, level, &mut shared, observer)?;
             }
@@ -337,19 +379,39 @@ impl<'a, C: HostClock> Identification<'a, C> {
     }
 }
 
-/// What is needed of a window behind its assessment.
-#[derive(Clone, Copy)]
-struct Facts {
+/// What is needed of a window beside its assessment.
+struct Beside {
+    /// When its last sample arrived.
+    arrived: Duration,
     length_ns: u64,
     /// Whether its actuator is passive.
     passive: bool,
+    /// What was told when its assessment began.
+    told: Told,
+    /// What else an operator should read.
+    trouble: Option<String>,
+    /// Time that its explanation took, where that was apart.
+    took: Duration,
 }
 
-impl Facts {
-    fn of(job: &WindowJob) -> Self {
+/// What histories and learner tell.
+#[derive(Default)]
+struct Told {
+    by_histories: Vec<String>,
+    by_learner: Vec<String>,
+    /// Actuators whose unit was replaced.
+    replaced: Vec<Arc<ActuatorConfig>>,
+}
+
+impl Beside {
+    fn of(job: &WindowJob, arrived: Duration) -> Self {
         Self {
+            arrived,
             length_ns: (1e9 * job.length_s()) as u64,
             passive: job.actuator.passive,
+            told: Told::default(),
+            trouble: None,
+            took: Duration::ZERO,
         }
     }
 }

@@ -31,7 +31,7 @@ use hmd_storage::recorder::Recorder;
 /// Inputs taken at once, during which identification cannot write records.
 const BATCH: usize = 1024;
 
-/// Longest that the assessment of one window may take before identification counts as stuck: hundreds of times what it takes.
+/// Longest that identification may take without an assessed window before it counts as stuck: hundreds of times what one takes.
 const ASSESSING_MAX: Duration = Duration::from_secs(60);
 
 /// Ticks between two status records.
@@ -159,7 +159,7 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
     /// Tells what an end waits for.
     fn publish_ending(&self, windows: u64, shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {
         let message = format!(
-            "the run ends: {} to assess; those left after {} s are dropped, and the one in progress is waited for",
+            "the run ends: {} to assess; those left after {} s are dropped, and those in progress are waited for",
             counted(windows, "window", "windows"),
             ENDING_MAX.as_secs()
         );

@@ -105,13 +105,19 @@ impl<'a, C: HostClock, O: Observer> Steps<'a, C, O> {
     /// # Errors
     /// As [`Daemon::run`](super::Daemon::run).
     pub fn assess(&mut self) -> Result<bool, DaemonError> {
+        self.assess_together(1)
+    }
+
+    /// Assesses the oldest windows that wait, of different actuators, at most so many, as the identification thread does with as many threads.
+    /// Whether there was one.
+    ///
+    /// # Errors
+    /// As [`Daemon::run`](super::Daemon::run).
+    pub fn assess_together(&mut self, at_most: usize) -> Result<bool, DaemonError> {
         let Some(identification) = self.identification.as_mut().filter(|_| self.windows.len() > 0) else {
             return Ok(false);
         };
-        if let Some(window) = self.windows.pop() {
-            identification.assess(window, &self.windows, &self.shared, self.observer)?;
-        }
-        Ok(true)
+        identification.assess_next(at_most, &self.windows, &self.shared, self.observer)
     }
 
     /// The counters as they stand.

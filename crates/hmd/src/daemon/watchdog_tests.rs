@@ -179,7 +179,7 @@ fn an_end_that_waits_for_windows_ticks_and_drops_what_is_left() {
     assert_eq!((status.lost_windows, status.queued_windows), (2, 0));
     let notices = fed.notices.into_inner().unwrap();
     let told = [
-        "the run ends: 3 windows to assess; those left after 20 s are dropped, and the one in progress is waited for",
+        "the run ends: 3 windows to assess; those left after 20 s are dropped, and those in progress are waited for",
         "2 windows dropped: not assessed when the run ended",
     ];
     assert!(

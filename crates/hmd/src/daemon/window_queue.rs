@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 // The model checker of `model/` compiles this file with locks of its own.
 use super::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
-/// Windows that may wait: four from each of sixteen actuators, some 80 kB each at 2 kHz.
+/// Windows that may wait: four from each of sixteen actuators, some 80 kB each at 2 kHz. Those being assessed, at most one for each thread,
+/// are not among them.
 ///
 /// Policy when it is full: the oldest is dropped, so that the newest state of an actuator is assessed; the pushing thread
 /// gets it back, to count and record it.
@@ -25,7 +26,7 @@ struct State<T> {
     closed: bool,
     /// Time after which the popping thread takes no further window; of a clock that the queue does not read.
     ends: Option<Duration>,
-    /// When the windows were taken that are being assessed, and how many.
+    /// Since when the windows that were taken together have been assessed, or the last of them was, and how many are left.
     busy: Option<(Instant, u64)>,
 }
 
@@ -62,6 +63,7 @@ impl<T> WindowQueue<T> {
     }
 
     /// The oldest window; waits for one. `None` when the queue is closed and empty.
+    #[cfg(test)]
     pub(super) fn pop(&self) -> Option<T> {
         self.pop_some(|_| 1)?.pop()
     }
@@ -88,6 +90,22 @@ impl<T> WindowQueue<T> {
         }
     }
 
+    /// One of the windows that were taken together is assessed.
+    pub(super) fn one_done(&self) {
+        let mut state = self.lock();
+        if let Some((since, windows @ 2..)) = &mut state.busy {
+            (*since, *windows) = (Instant::now(), *windows - 1);
+        }
+    }
+
+    /// Takes back windows that were taken and not assessed, before those that wait.
+    pub(super) fn give_back(&self, windows: impl DoubleEndedIterator<Item = T>) {
+        let mut state = self.lock();
+        for window in windows.rev() {
+            state.waiting.push_front(window);
+        }
+    }
+
     /// Looks at the windows that wait, the oldest first.
     pub(super) fn look<R>(&self, look: impl FnOnce(&VecDeque<T>) -> R) -> R {
         look(&self.lock().waiting)
@@ -104,7 +122,7 @@ impl<T> WindowQueue<T> {
         self.lock().waiting.len()
     }
 
-    /// For how long the windows that were taken last have been assessed; zero when none are.
+    /// For how long no window was assessed of those that were taken; zero when none are left.
     pub(super) fn busy_for(&self) -> Duration {
         self.lock().busy.map_or(Duration::ZERO, |(since, _)| since.elapsed())
     }

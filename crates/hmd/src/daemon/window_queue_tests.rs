@@ -63,6 +63,15 @@ fn several_are_taken_together_as_far_as_they_wait() {
     assert_eq!(queue.pop_some(|_| 0), Some(vec![2]));
     assert_eq!(queue.pop_some(|_| 9), Some(vec![3, 4]));
     assert_eq!(queue.unassessed(), 2);
+    std::thread::sleep(Duration::from_millis(20));
+    queue.one_done();
+    assert!(queue.busy_for() < Duration::from_millis(20), "the next one begins");
+    assert_eq!(queue.unassessed(), 1);
+    queue.one_done();
+    assert_eq!(queue.unassessed(), 1, "the last one until the next are taken");
+    queue.give_back([3, 4].into_iter());
+    queue.push(5);
+    assert_eq!(queue.pop_some(|_| 9), Some(vec![3, 4, 5]));
     queue.close();
     assert_eq!(queue.pop_some(|_| 9), None);
     assert_eq!(queue.unassessed(), 0);

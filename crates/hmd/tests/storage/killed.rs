@@ -85,7 +85,7 @@ fn run(root: &Path, frames: &[RawFrame], assessed: usize, is_killed: bool, lines
 }
 
 /// What a kill leaves: a process that is gone holds no lock.
-fn copy(from: &Path, to: &Path) {
+pub(super) fn copy(from: &Path, to: &Path) {
     fs::create_dir(to).unwrap();
     for entry in fs::read_dir(from).unwrap() {
         let path = entry.unwrap().path();

@@ -6,6 +6,7 @@ mod in_progress;
 mod killed;
 mod power_cut;
 mod recover;
+mod side_by_side;
 mod survive;
 mod survive_rig;
 

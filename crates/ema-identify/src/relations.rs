@@ -21,6 +21,7 @@
 //! is left out: `docs/design/relations.md`.
 
 mod balance_coefficients;
+mod balance_shape;
 mod baseline;
 mod between_samples;
 mod change;
@@ -62,6 +63,7 @@ mod transmission;
 mod type_balance;
 
 pub use balance_coefficients::BalanceCoefficients;
+pub use balance_shape::BalanceShape;
 pub use baseline::Baseline;
 pub use between_samples::{coarse_torque_error, is_coarsely_sampled};
 #[cfg(feature = "std")]
@@ -81,5 +83,5 @@ pub use setpoint_delay::{SetpointDelay, setpoint_delay};
 #[cfg(feature = "std")]
 pub use shared::FRICTION_MIN_SHARE;
 pub use shared::SHARED_COUNT;
-pub use terms::{BalanceShape, TERM_COUNT, Term};
+pub use terms::{TERM_COUNT, Term};
 pub(crate) use type_balance::{ByTypeBalance, by_type_balance};

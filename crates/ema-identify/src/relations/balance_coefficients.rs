@@ -1,7 +1,8 @@
 //! Coefficients of the torque balance of a unit or of a type.
 
+use super::balance_shape::BalanceShape;
 use super::kernel::Kernel;
-use super::terms::{BalanceShape, TERM_COUNT, Term};
+use super::terms::{TERM_COUNT, Term};
 
 /// Coefficients of the torque balance that all windows of one unit share, in the order of [`Term`].
 ///

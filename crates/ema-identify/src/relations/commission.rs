@@ -10,6 +10,7 @@ use ema_models::ActuatorParams;
 use nalgebra::{SMatrix, SVector};
 
 use super::balance_coefficients::BalanceCoefficients;
+use super::balance_shape::BalanceShape;
 use super::baseline::Baseline;
 use super::commissioned::{Balance, CommissionedRelations};
 use super::compliance::Compliance;
@@ -23,7 +24,7 @@ use super::output_load::OutputLoad;
 use super::residual::{HealthyResidual, RELATION_COUNT, Relation};
 use super::setpoint_delay::setpoint_delay;
 use super::shared::{INERTIA, SHARED_COUNT, Shared, SharedMatrix, coefficients, priors, shared_columns};
-use super::terms::{BalanceRing, BalanceRow, BalanceShape, Term, WindowState, balance_rows};
+use super::terms::{BalanceRing, BalanceRow, Term, WindowState, balance_rows};
 use super::torque_balance::{LOAD_ROUNDS, Turns, torque_balance};
 use crate::recorded_sample::RecordedSample;
 

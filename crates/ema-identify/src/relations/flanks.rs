@@ -1,8 +1,7 @@
 //! Which flanks of its play the motor drives the output with, as far as the load leaves that to the motion.
 
-use super::measured::MeasuredWindow;
+use super::measured::{MOVING, MeasuredWindow};
 use super::output_load::OutputLoad;
-use super::terms::MOVING;
 use crate::recorded_sample::RecordedSample;
 
 /// Motion that shows a flank though a load holds the output in other places, in healthy widths b₀: a play worn by a tenth is as wide.

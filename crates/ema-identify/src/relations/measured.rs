@@ -115,6 +115,9 @@ impl Quantities {
 /// Largest current, as a share of `I_max`.
 const CURRENT_SHARE: f64 = 0.9;
 
+/// Smallest speed under the kernel, rad/s: below, friction is no function of the measured speed.
+pub(super) const MOVING: f64 = 3.0;
+
 /// Samples that [`MeasuredWindow::quantities`] needs on either side.
 pub(super) const MARGIN: usize = 2;
 

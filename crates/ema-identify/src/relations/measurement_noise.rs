@@ -12,9 +12,8 @@ use std::vec::Vec;
 use ema_models::dq_from_abc;
 
 use super::kernel::Kernel;
-use super::measured::MeasuredWindow;
+use super::measured::{MOVING, MeasuredWindow};
 use super::noise_change::{MeasurementNoise, NoiseChange};
-use super::terms::MOVING;
 use crate::recorded_sample::RecordedSample;
 
 /// Orders of the differences, and the highest one.

@@ -7,9 +7,9 @@ use core::ops::Range;
 
 use ema_models::{Real, phase_shapes};
 
+use super::balance_shape::BalanceShape;
 use super::between_samples::{Interval, instants};
-use super::measured::{Instant, MeasuredWindow, Quantities};
-use super::terms::{BalanceShape, MOVING};
+use super::measured::{Instant, MOVING, MeasuredWindow, Quantities};
 use crate::recorded_sample::RecordedSample;
 
 /// A sample as the terms of the torque balance need it.

@@ -209,9 +209,9 @@ fn times([a, b]: Phasor, [c, d]: Phasor) -> Phasor {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::relations::balance_shape::BalanceShape;
     use crate::relations::measured::MeasuredWindow;
     use crate::relations::sample_reading::SampleReader;
-    use crate::relations::terms::BalanceShape;
     use ema_models::{Real, SensedSample, Setpoint};
     use std::vec::Vec;
 

@@ -3,10 +3,10 @@
 //! With the true coefficients the terms of a row sum to zero: `Σ_j N_j T_j + … − J ω' − C ω − T_d sign ω − … = 0`. Derived
 //! here from the equation of motion of the motor shaft, torques at the motor, of one rigid mass.
 
-use ema_models::{ActuatorParams, phase_shapes};
+use ema_models::phase_shapes;
 
+use super::balance_shape::BalanceShape;
 use super::between_samples::instants;
-use super::compliance::Compliance;
 use super::kernel::Kernel;
 use super::measured::MeasuredWindow;
 use super::output_load::OutputLoad;
@@ -112,34 +112,6 @@ const FAST: [Term; 12] = [
     Term::OffsetB,
 ];
 
-/// Constants of the terms that an actuator type's parameters do not hold.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "std", derive(serde::Serialize, serde::Deserialize))]
-pub struct BalanceShape {
-    /// Stribeck speed ω_s at the motor shaft, rad/s.
-    pub stribeck_speed: f64,
-    /// Periods of the cogging torque per motor revolution, N_c, a whole number.
-    pub cogging_periods: f64,
-    /// Teeth of the first gear stage per motor revolution, N_t, a whole number.
-    pub teeth: f64,
-    /// The transmission behind the motor shaft.
-    #[cfg_attr(feature = "std", serde(default))]
-    pub compliance: Compliance,
-}
-
-impl BalanceShape {
-    /// Usual values: 10 rad/s, six cogging periods per pole pair, 13 teeth, a rigid transmission.
-    #[must_use]
-    pub fn usual(params: &ActuatorParams) -> Self {
-        Self {
-            stribeck_speed: 10.0,
-            cogging_periods: 6.0 * params.motor.pole_pairs,
-            teeth: 13.0,
-            compliance: Compliance::RIGID,
-        }
-    }
-}
-
 /// One row of the torque balance.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BalanceRow {
@@ -174,9 +146,6 @@ impl WindowState {
         }
     }
 }
-
-/// Smallest speed under the kernel, rad/s: below, friction is no function of the measured speed.
-pub(super) const MOVING: f64 = 3.0;
 
 /// Rows of a window, one per inner sample, as [`RowMaker`] makes them.
 #[cfg(feature = "std")]

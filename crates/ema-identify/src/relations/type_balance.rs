@@ -7,9 +7,10 @@
 use ema_models::{ActuatorParams, FaultVector};
 
 use super::balance_coefficients::BalanceCoefficients;
+use super::balance_shape::BalanceShape;
 use super::controller::{LawKnowledge, gain_ratio};
 use super::measured::MeasuredWindow;
-use super::terms::{BalanceShape, TERM_COUNT, Term};
+use super::terms::{TERM_COUNT, Term};
 use super::torque_balance::free_coefficients;
 use crate::recorded_sample::RecordedSample;
 

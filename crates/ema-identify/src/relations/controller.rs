@@ -175,7 +175,8 @@ impl<'a, S: RecordedSample> LawRows<'a, S> {
     /// Passes each row; `None` unless neither speed nor torque is at its limit under the kernel that ends there.
     pub(super) fn each(&mut self, mut pass: impl FnMut(Option<&LawRow>)) {
         let (window, block, delay_s) = (self.window, self.block, self.known.delay_s);
-        let weights = row_weights(window, self.kernel);
+        let weights = law_weights(window, self.kernel);
+        let torque_gain = window.params().motor.torque_gain();
         let mut ring = Sliding::<QUANTITIES>::new(self.kernel.span);
         let (begin, blocks) = (window.inner().start, window.inner().len() / block);
         for place in 0..blocks {
@@ -185,11 +186,17 @@ impl<'a, S: RecordedSample> LawRows<'a, S> {
                     return None;
                 };
                 ring.push(mean);
-                let of_unknowns = |[reference, omega, lag, sin, cos, delayed, d_torque]: [f64; QUANTITIES]| {
-                    let (known, unknown) = delay_s.map_or((0.0, delayed), |delay_s| (delay_s * delayed, 0.0));
-                    ([reference + known, omega, lag, sin, cos, unknown], d_torque)
+                let of_unknowns = |[reference, omega, lag, sin, cos, command, d_torque]: [f64; QUANTITIES]| {
+                    let (known, unknown) = delay_s.map_or((0.0, -command), |delay_s| (-delay_s * command, 0.0));
+                    // i_q = −i_α sin θ_e + i_β cos θ_e.
+                    let offsets = [-torque_gain * sin, torque_gain * cos];
+                    (
+                        [reference + known, -omega, -lag, offsets[0], offsets[1], unknown],
+                        d_torque,
+                    )
                 };
-                ring.is_full().then(|| of_unknowns(ring.weighted_sums(&weights)))
+                ring.is_full()
+                    .then(|| of_unknowns(ring.weighted_sums(&weights, KERNEL_OF)))
             };
             self.kept.with(place, make, |row| pass(row.as_ref()));
         }
@@ -214,23 +221,19 @@ fn mean_quantities<S: RecordedSample>(
 /// Quantities of a sample that the kernel smooths.
 const QUANTITIES: usize = LAW_COUNT + 1;
 
-/// Weights of the quantities in the factors of the unknowns, and in T'.
-fn row_weights<S: RecordedSample>(window: &MeasuredWindow<'_, S>, kernel: &Kernel) -> [[f64; QUANTITIES]; MAX_SPAN] {
+/// Kernels of the law: of what stands in it by itself and by its derivative, of what does so by both derivatives, and first and second derivative.
+const KERNELS: usize = 4;
+
+/// The kernel of each quantity.
+const KERNEL_OF: [usize; QUANTITIES] = [0, 0, 3, 2, 2, 1, 2];
+
+/// Weights of the kernels of the law by place.
+fn law_weights<S: RecordedSample>(window: &MeasuredWindow<'_, S>, kernel: &Kernel) -> [[f64; KERNELS]; MAX_SPAN] {
     let controller = &window.params().controller;
-    let torque_gain = window.params().motor.torque_gain();
     core::array::from_fn(|m| {
         let (smooth, first, second) = (kernel.smooth[m], kernel.first[m], kernel.second[m]);
         let law = |d: f64, value: f64| controller.k_p * d + controller.k_i * value;
-        [
-            law(first, smooth),
-            -law(first, smooth),
-            -second,
-            // i_q = −i_α sin θ_e + i_β cos θ_e.
-            -torque_gain * first,
-            torque_gain * first,
-            -law(second, first),
-            first,
-        ]
+        [law(first, smooth), law(second, first), first, second]
     })
 }
 

@@ -72,9 +72,6 @@ impl<T> Kept<T> {
     pub(super) fn with<R>(&mut self, _: usize, make: impl FnOnce() -> T, using: impl FnOnce(&T) -> R) -> R {
         using(&make())
     }
-
-    /// Forgets all values.
-    pub(super) fn clear(&mut self) {}
 }
 
 #[cfg(all(test, feature = "std"))]

@@ -68,14 +68,14 @@ impl<const M: usize> Sliding<M> {
         sums
     }
 
-    /// Sums of all quantities, each with weights of its own, oldest sample first.
+    /// Sums of all quantities, each with one of several sets of weights, oldest sample first.
     #[must_use]
-    pub(super) fn weighted_sums(&self, weights: &[[f64; M]; MAX_SPAN]) -> [f64; M] {
+    pub(super) fn weighted_sums<const K: usize>(&self, weights: &[[f64; K]; MAX_SPAN], set_of: [usize; M]) -> [f64; M] {
         let mut sums = [0.0; M];
         for half in self.weighted(weights) {
             for (weights, sample) in half {
                 for m in 0..M {
-                    sums[m] += weights[m] * sample[m];
+                    sums[m] += weights[set_of[m]] * sample[m];
                 }
             }
         }
@@ -113,7 +113,7 @@ mod tests {
         assert_eq!(ring.sums(&weights).map(|sum| sum as i32), [432, -111]);
         assert_eq!(ring.sums_of([1], &weights).map(|sum| sum as i32), [-111]);
         let of_each = weights.map(|weight| [weight, 2.0 * weight]);
-        assert_eq!(ring.weighted_sums(&of_each).map(|sum| sum as i32), [432, -222]);
+        assert_eq!(ring.weighted_sums(&of_each, [0, 1]).map(|sum| sum as i32), [432, -222]);
         ring.clear();
         assert!(!ring.is_full());
     }

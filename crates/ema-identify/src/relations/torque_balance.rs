@@ -255,6 +255,7 @@ struct Rows<'a, S> {
     samples: Kept<SampleReading>,
     /// The rows of the state and the loop that they were made with.
     rows: Kept<Option<FreeRow>>,
+    #[cfg(feature = "std")]
     rows_of: Option<(WindowState, Option<ShortedLoop>)>,
     /// What the last solution says of the window.
     state: WindowState,
@@ -278,6 +279,7 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
                 Kept::none()
             },
             rows: Kept::new(window.len()),
+            #[cfg(feature = "std")]
             rows_of: None,
             state: WindowState {
                 gain,
@@ -454,10 +456,9 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
 
     /// Passes the row of each inner sample.
     fn each(&mut self, mut pass: impl FnMut(Option<&FreeRow>)) {
-        let made_with = Some((self.state, self.shorted));
-        if self.rows_of != made_with {
+        #[cfg(feature = "std")]
+        if self.rows_of.replace((self.state, self.shorted)) != Some((self.state, self.shorted)) {
             self.rows.clear();
-            self.rows_of = made_with;
         }
         let mut known = self.unit.values;
         for term in FREE.into_iter().chain(WORN) {

@@ -3,6 +3,7 @@
 //! Goes in: the windows of all actuators ([`WindowJob`]), in their order, and the calibrations ([`Models`]). Comes out: the
 //! records of each window ([`AssessedWindow`]).
 
+mod begun;
 mod by_signals;
 mod by_unit;
 mod coarse_setpoint;
@@ -27,7 +28,7 @@ use crate::health::{DamageEvidence, HealthState, Levels};
 use crate::history::{HistoryStore, WindowEvidence};
 use crate::outbox::WindowJob;
 use crate::record::{self, WindowStatus};
-use crate::sensor_checks::{SensorReadings, Suspect, sensor_readings};
+use crate::sensor_checks::{Suspect, sensor_readings};
 use crate::window::WindowQuality;
 use crate::windows_in_a_row::{News, WindowsInARow};
 use coarse_steps::with_steps;
@@ -37,6 +38,7 @@ use ema_identify::{Estimate, Fit, Identifier, Method, Population, Prepared};
 use explained::Explained;
 use records::{health_record, rul_record, sensors_record, shortened_record, window_record};
 
+pub use begun::{BegunWindow, ExplainedWindow};
 pub(crate) use by_unit::needed_in_words;
 pub(crate) use coarse_setpoint::gain_sigma;
 pub use ema_identify::LOCKED;
@@ -70,35 +72,6 @@ pub enum LearningProgress {
     Learns(String),
     /// For this reason it is not learnt yet: it is assessed as a unit that is not commissioned.
     Waits(String),
-}
-
-/// A window whose assessment has begun.
-#[derive(Debug)]
-pub struct BegunWindow {
-    job: WindowJob,
-    progress: LearningProgress,
-}
-
-/// A window with what explains it.
-#[derive(Debug)]
-pub struct ExplainedWindow {
-    /// As the explanation left it.
-    begun: BegunWindow,
-    readings: SensorReadings,
-    explained: Explained,
-}
-
-impl BegunWindow {
-    fn is_learning(&self) -> bool {
-        matches!(self.progress, LearningProgress::Learns(_))
-    }
-}
-
-impl ExplainedWindow {
-    /// The window, as its explanation left it.
-    pub(crate) fn into_job(self) -> WindowJob {
-        self.begun.job
-    }
 }
 
 /// Windows by status.

@@ -51,19 +51,19 @@ pub struct Learner {
 
 /// A window whose assessment has begun.
 #[derive(Debug)]
-pub struct BegunLearning {
+pub struct BegunOfUnit {
     window: BegunWindow,
-    aside: Aside,
+    context: Context,
 }
 
 /// A window with what explains it.
 #[derive(Debug)]
-pub struct ExplainedLearning {
+pub struct ExplainedOfUnit {
     window: ExplainedWindow,
-    aside: Aside,
+    context: Context,
 }
 
-impl ExplainedLearning {
+impl ExplainedOfUnit {
     /// The window, as its explanation left it.
     #[must_use]
     pub fn into_job(self) -> WindowJob {
@@ -73,22 +73,22 @@ impl ExplainedLearning {
 
 /// What belongs to a window besides its assessment.
 #[derive(Debug)]
-struct Aside {
+struct Context {
     /// The window as it came, where its unit is learnt from it: the assessment repairs it.
     kept: Option<Box<WindowJob>>,
     unit: UnitMark,
     events_ns: Vec<u64>,
 }
 
-impl BegunLearning {
+impl BegunOfUnit {
     /// Explains the window: nearly all the work. Windows of different actuators may be explained side by side.
     ///
     /// # Errors
     /// Those of [`Assessor::assess`].
-    pub fn explain(self, assessor: &Assessor, limit: &TimeLimit<'_>) -> Result<ExplainedLearning, AssessError> {
-        Ok(ExplainedLearning {
+    pub fn explain(self, assessor: &Assessor, limit: &TimeLimit<'_>) -> Result<ExplainedOfUnit, AssessError> {
+        Ok(ExplainedOfUnit {
             window: assessor.explain_begun(self.window, limit)?,
-            aside: self.aside,
+            context: self.context,
         })
     }
 }
@@ -190,14 +190,14 @@ impl Learner {
         assessor: &mut Assessor,
         job: WindowJob,
         not_learnt: Option<String>,
-    ) -> Result<BegunLearning, AssessError> {
+    ) -> Result<BegunOfUnit, AssessError> {
         self.follow_events(assessor, &job.actuator, job.window.t_start_ns)?;
         let events_ns = std::mem::take(&mut self.followed_ns);
         let (progress, unit) = self.progress(assessor, &job, not_learnt)?;
         let kept = (unit == UnitMark::Learning).then(|| Box::new(job.clone()));
-        Ok(BegunLearning {
+        Ok(BegunOfUnit {
             window: assessor.begin(job, progress),
-            aside: Aside { kept, unit, events_ns },
+            context: Context { kept, unit, events_ns },
         })
     }
 
@@ -247,14 +247,14 @@ impl Learner {
     pub fn conclude(
         &mut self,
         assessor: &mut Assessor,
-        explained: ExplainedLearning,
+        explained: ExplainedOfUnit,
         limit: &TimeLimit<'_>,
     ) -> Result<AssessedWindow, AssessError> {
-        let ExplainedLearning { window, aside } = explained;
+        let ExplainedOfUnit { window, context } = explained;
         let mut assessed = assessor.conclude(window, limit)?;
-        assessed.unit = aside.unit;
-        assessed.events_ns = aside.events_ns;
-        if let Some(job) = aside.kept {
+        assessed.unit = context.unit;
+        assessed.events_ns = context.events_ns;
+        if let Some(job) = context.kept {
             self.keep(*job, &assessed);
         }
         Ok(assessed)

@@ -57,6 +57,7 @@ use hmd_storage::history_file::StateError;
 use hmd_storage::recorder::{RecordError, Recorder};
 pub use host_clock::HostClock;
 use host_clock::SteadyClock;
+pub use identification::windows_together;
 use notices::Notices;
 pub use steps::Steps;
 pub use window_queue::QUEUE_WINDOWS;

@@ -34,7 +34,7 @@ pub(super) struct FastTerms {
     /// `k s_j i_j` of each phase.
     pub(super) torque: [f64; 3],
     /// Of each phase that times cos, and times sin, of `θ_e + 2πj/3`: what a rotor off its axis changes.
-    pub(super) narrow_gap: [[f64; 3]; 2],
+    pub(super) eccentricity: [[f64; 3]; 2],
     /// cos and sin of `N_t θ_m`.
     pub(super) mesh: [f64; 2],
     /// cos and sin of `N_c θ_m`.
@@ -49,13 +49,13 @@ impl FastTerms {
     fn zip(&mut self, other: &Self, f: impl Fn(&mut f64, f64)) {
         let Self {
             torque,
-            narrow_gap: [cos, sin],
+            eccentricity: [cos, sin],
             mesh,
             cogging,
             harmonics,
             offsets,
         } = self;
-        let [other_cos, other_sin] = &other.narrow_gap;
+        let [other_cos, other_sin] = &other.eccentricity;
         let pairs = (torque.iter_mut().zip(&other.torque))
             .chain(cos.iter_mut().zip(other_cos))
             .chain(sin.iter_mut().zip(other_sin))
@@ -161,7 +161,7 @@ impl<'a, S: RecordedSample> SampleReader<'a, S> {
         let harmonics = |j: usize| ahead(fifth, j).0 - ahead(seventh, (3 - j) % 3).0;
         FastTerms {
             torque,
-            narrow_gap: [
+            eccentricity: [
                 core::array::from_fn(|j| torque[j] * ahead(e, j).1),
                 core::array::from_fn(|j| torque[j] * ahead(e, j).0),
             ],

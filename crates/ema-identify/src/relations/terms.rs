@@ -293,13 +293,13 @@ impl Integrands {
         let loss_share = if load_torque * sign >= 0.0 { opposing } else { aiding };
         let FastTerms {
             torque: [a, b, c],
-            narrow_gap,
+            eccentricity,
             mesh: [mesh_cos, mesh_sin],
             cogging: [cogging_cos, cogging_sin],
             harmonics,
             offsets: [offset_a, offset_b],
         } = *fast;
-        let [ecc_cos, ecc_sin] = narrow_gap.map(|of_phases| {
+        let [ecc_cos, ecc_sin] = eccentricity.map(|of_phases| {
             let intact = self.state.turns.iter().zip(of_phases);
             intact.map(|(turns, torque)| turns * torque).sum::<f64>()
         });

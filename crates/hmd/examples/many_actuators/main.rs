@@ -5,6 +5,7 @@
 //! time alone drops no window. Without numbers of actuators it draws `docs/img/many_actuators.svg`.
 #![allow(clippy::print_stdout, reason = "it prints figures")]
 
+mod at_once;
 mod plot;
 mod traffic;
 
@@ -30,9 +31,6 @@ use traffic::{Bus, PER_BUS, RATE_HZ, SAMPLES_PER_MINUTE, Template};
 /// Windows that compressed traffic lets identification lie behind; its queue holds 64, as many as end at once. Buses are some seconds apart.
 const BACKLOG_MAX: u64 = 16;
 
-/// Second of a minute by which windows that begin with it have ended.
-const ENDED_S: u64 = 3;
-
 /// Time without an assessed window after which traffic goes on: dropped ones never come.
 const STALLED: Duration = Duration::from_secs(2);
 
@@ -46,8 +44,6 @@ struct Case {
     /// Lines of each actuator's configuration that commission it.
     commissioning: &'static str,
     store: bool,
-    /// Whether actuations are spread over each minute.
-    spread: bool,
 }
 
 /// What a run cost.
@@ -58,8 +54,6 @@ struct Cost {
     threads: BTreeMap<String, f64>,
     /// Processor time of making the frames, alone, s.
     making_s: f64,
-    /// Time that the traffic waited for identification, s.
-    waited_s: f64,
 }
 
 #[derive(Default)]
@@ -76,7 +70,7 @@ impl Observer for Observed {
     }
 }
 
-fn config(case: &Case) -> String {
+fn config(case: &Case, folder: &Path) -> anyhow::Result<Arc<Config>> {
     let mut text = format!("type.bench.tolerances = \"exact\"\n[type.bench.sensors]\nsample_rate_hz = {RATE_HZ}\n");
     for actuator in 0..case.actuators {
         let (bus, id) = (actuator / PER_BUS, actuator % PER_BUS);
@@ -85,7 +79,21 @@ fn config(case: &Case) -> String {
             case.commissioning
         );
     }
-    text
+    let path = folder.join("hmd.toml").display().to_string();
+    Ok(Arc::new(Config::from_toml_str(&text, &path)?))
+}
+
+/// Buses of a run.
+fn buses(case: &Case) -> u64 {
+    case.actuators.div_ceil(PER_BUS)
+}
+
+fn recorder(case: &Case, config: &Arc<Config>, folder: &Path) -> anyhow::Result<Option<Recorder>> {
+    let open = || {
+        let limits = Limits::new(16, 60, 256, 16);
+        Recorder::open_folder(&folder.join("records"), &metadata(config, "test", 1), limits)
+    };
+    Ok(case.store.then(open).transpose()?)
 }
 
 /// Processor time of each thread, s, by its name; the workers of the search have none of their own.
@@ -112,16 +120,13 @@ fn threads() -> io::Result<BTreeMap<String, f64>> {
 }
 
 fn run(case: &Case, templates: &Arc<[Template; 4]>, folder: &Path) -> anyhow::Result<Cost> {
-    let config = Arc::new(Config::from_toml_str(
-        &config(case),
-        &folder.join("hmd.toml").display().to_string(),
-    )?);
-    let buses = case.actuators.div_ceil(PER_BUS);
+    let config = config(case, folder)?;
+    let buses = buses(case);
     let bus = |bus: u64, before: Box<dyn FnMut(u64) + Send>| Bus {
         templates: templates.clone(),
         bus,
         actuators: case.actuators,
-        spread: case.spread,
+        spread: true,
         seq: 0,
         end: case.minutes * SAMPLES_PER_MINUTE,
         waiting: Vec::new(),
@@ -137,42 +142,27 @@ fn run(case: &Case, templates: &Arc<[Template; 4]>, folder: &Path) -> anyhow::Re
     let of = |times: &BTreeMap<String, f64>, name: &str| times.get(name).copied().unwrap_or(0.0);
     let making_s = of(&start, "sources") - of(&alone, "sources");
 
-    let recorder = case
-        .store
-        .then(|| {
-            let limits = Limits::new(16, 60, 256, 16);
-            Recorder::open_folder(&folder.join("records"), &metadata(&config, "test", 1), limits)
-        })
-        .transpose()?;
+    let recorder = recorder(case, &config, folder)?;
     let observed = Observed::default();
     let newest = Arc::new(Mutex::new(start.clone()));
-    let waited_us = Arc::new(AtomicU64::new(0));
     let since = Instant::now();
     // Second that the traffic of each bus has reached: one that waits stops all, so none waits for the windows of another that is behind.
     let reached: Arc<Vec<AtomicU64>> = Arc::new((0..buses).map(|_| AtomicU64::new(0)).collect());
     let sources = (0..buses).map(|number| {
         let (assessed, newest, reached) = (observed.0.clone(), newest.clone(), reached.clone());
-        let waited_us = waited_us.clone();
-        let (actuators, spread) = (case.actuators, case.spread);
+        let actuators = case.actuators;
         let before = move |second: u64| {
-            // Windows that have ended by then; those that are spread end all the time, the others soon after the minute has begun.
             reached[number as usize].store(second, Ordering::Relaxed);
             let by_all = reached.iter().map(|of| of.load(Ordering::Relaxed)).min().unwrap_or(0);
-            let ended = if spread {
-                actuators * by_all / 60
-            } else {
-                actuators * ((by_all + 60 - ENDED_S) / 60)
-            };
-            let backlog = if spread { BACKLOG_MAX } else { 0 };
-            let (mut last, mut since, began) = (0, Instant::now(), Instant::now());
-            while ended > assessed.load(Ordering::Acquire) + backlog && since.elapsed() < STALLED {
+            let ended = actuators * by_all / 60;
+            let (mut last, mut since) = (0, Instant::now());
+            while ended > assessed.load(Ordering::Acquire) + BACKLOG_MAX && since.elapsed() < STALLED {
                 let now = assessed.load(Ordering::Acquire);
                 if now != last {
                     (last, since) = (now, Instant::now());
                 }
                 std::thread::sleep(Duration::from_millis(1));
             }
-            waited_us.fetch_add(began.elapsed().as_micros() as u64, Ordering::Relaxed);
             if number == 0
                 && let (Ok(times), Ok(mut newest)) = (threads(), newest.lock())
             {
@@ -199,7 +189,6 @@ fn run(case: &Case, templates: &Arc<[Template; 4]>, folder: &Path) -> anyhow::Re
         took_s,
         threads,
         making_s,
-        waited_s: 1e-6 * waited_us.load(Ordering::Relaxed) as f64,
     })
 }
 
@@ -227,25 +216,24 @@ impl Shares {
     }
 }
 
-fn print(case: &Case, cost: &Cost) {
+fn print(case: &Case, cost: &Cost, at_once: Option<Duration>) {
     let status = &cost.status;
     let shares = Shares::of(case, cost);
     let (queue, front) = (shares.queue, shares.front());
     let windows = status.windows_ok + status.windows_degraded + status.windows_invalid + status.windows_unmodelled;
     let mean_s = status.identification_s / windows.max(1) as f64;
     println!(
-        "| {} | {} | {} | {} | {:.0} | {windows} | {} | {queue:.2} | {:.2} | {front:.2} | {:.3} | {:.2} | {:.1} | {:.3} |",
+        "| {} | {} | {} | {:.0} | {windows} | {} | {queue:.2} | {:.2} | {front:.2} | {:.3} | {:.2} | {:.1} | {} |",
         case.actuators,
         case.judge,
         if case.store { "yes" } else { "no" },
-        if case.spread { "spread" } else { "at once" },
         status.frames_received as f64 / cost.took_s,
         status.lost_windows,
         shares.pipeline,
         front / case.actuators as f64,
         shares.identification,
         1e3 * mean_s,
-        cost.waited_s / case.minutes as f64,
+        at_once.map_or_else(String::new, |took| format!("{:.3}", took.as_secs_f64())),
     );
 }
 
@@ -273,7 +261,6 @@ fn main() -> anyhow::Result<()> {
         judge: "search",
         commissioning: "",
         store: true,
-        spread: true,
     };
     let learning = Case {
         minutes: 8,
@@ -294,32 +281,30 @@ fn main() -> anyhow::Result<()> {
     };
     println!(
         "{minutes} minutes at {RATE_HZ} Hz; % of a core: queue of inputs, pipeline (with storage), both, both per actuator, \
-         identification; ms per window; time that the traffic of each minute waited for its windows, s\n\n\
-         | actuators | judged by | stored | windows | frames/s | assessed | dropped | queue | pipeline | both | each | \
-         identification | window, ms | waited, s |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|"
+         identification; ms per window; time for a window of each actuator when all wait and nothing arrives, with storage, s\n\n\
+         | actuators | judged by | stored | frames/s | assessed | dropped | queue | pipeline | both | each | \
+         identification | window, ms | at once, s |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|"
     );
     let (mut front, mut identification) = (Vec::new(), Vec::new());
     for base in [by_relations, by_monitor, searched] {
         let (mut stored, mut unstored, mut judged) = (Vec::new(), Vec::new(), Vec::new());
         for &actuators in sizes.unwrap_or(&[1, 4, 16, 64]) {
-            for (store, spread) in [(true, true), (false, true), (true, false)] {
+            for store in [true, false] {
                 let case = Case {
                     actuators,
                     store,
-                    spread,
                     ..base.clone()
                 };
                 let cost = run(&case, &templates, folder.path())?;
-                print(&case, &cost);
+                let at_once = store.then(|| at_once::at_once(&case, &templates, folder.path()));
+                print(&case, &cost, at_once.transpose()?);
                 let shares = Shares::of(&case, &cost);
                 let each = |share: f64| (actuators, share / actuators as f64);
-                match (store, spread) {
-                    (true, true) => {
-                        stored.push(each(shares.front()));
-                        judged.push(each(shares.identification));
-                    }
-                    (false, _) => unstored.push(each(shares.front())),
-                    (true, false) => {}
+                if store {
+                    stored.push(each(shares.front()));
+                    judged.push(each(shares.identification));
+                } else {
+                    unstored.push(each(shares.front()));
                 }
             }
         }

@@ -87,9 +87,7 @@ impl<'a, C: HostClock> Identification<'a, C> {
         observer: &impl Observer,
     ) -> Result<(), DaemonError> {
         self.rehearse()?;
-        while !windows.is_over(self.clock.now())
-            && self.assess_next(rayon::current_num_threads(), windows, shared, observer)?
-        {}
+        while !windows.is_over(self.clock.now()) && self.assess_next(windows_together(), windows, shared, observer)? {}
         Ok(())
     }
 
@@ -138,9 +136,9 @@ impl<'a, C: HostClock> Identification<'a, C> {
         shared: &Mutex<Shared>,
         observer: &impl Observer,
     ) -> Result<(), DaemonError> {
-        let beside = Beside {
+        let context = WindowContext {
             trouble: self.load_events(),
-            ..Beside::of(&job, arrived)
+            ..WindowContext::of(&job, arrived)
         };
         let since = self.clock.instant();
         let assessed = self.turns.take(
@@ -148,7 +146,7 @@ impl<'a, C: HostClock> Identification<'a, C> {
             || windows.look(|waiting| waiting.iter().map(|waiting| waiting.arrived).collect()),
             |limit| self.learner.assess(&mut self.assessor, job, limit),
         )?;
-        self.publish_assessed(&assessed, beside, since, shared, observer)
+        self.publish_assessed(&assessed, context, since, shared, observer)
     }
 
     /// The same of windows of different actuators. Those behind one that ends the run are given back.
@@ -161,16 +159,16 @@ impl<'a, C: HostClock> Identification<'a, C> {
     ) -> Result<(), DaemonError> {
         let mut trouble = self.load_events();
         let begin = |WaitingWindow { job, arrived }| {
-            let beside = Beside::of(&job, arrived);
+            let context = WindowContext::of(&job, arrived);
             let begun = self.learner.begin(&mut self.assessor, job, None);
-            let told = self.take_told();
+            let news = self.take_news();
             let trouble = trouble.take();
             (
                 begun,
-                Beside {
-                    told,
+                WindowContext {
+                    news,
                     trouble,
-                    ..beside
+                    ..context
                 },
             )
         };
@@ -178,23 +176,23 @@ impl<'a, C: HostClock> Identification<'a, C> {
         let (assessor, clock) = (&self.assessor, self.clock);
         let explained: Vec<_> = begun
             .into_par_iter()
-            .map(|(begun, beside)| {
+            .map(|(begun, context)| {
                 let since = clock.instant();
                 let explained = begun.and_then(|begun| begun.explain(assessor, &TimeLimit::none()));
                 let took = clock.instant() - since;
-                (explained, Beside { took, ..beside })
+                (explained, WindowContext { took, ..context })
             })
             .collect();
         let mut explained = explained.into_iter();
-        while let Some((window, beside)) = explained.next() {
+        while let Some((window, context)) = explained.next() {
             let since = self.clock.instant();
             let concluded =
                 window.and_then(|window| self.learner.conclude(&mut self.assessor, window, &TimeLimit::none()));
             let published = concluded
                 .map_err(DaemonError::from)
-                .and_then(|assessed| self.publish_assessed(&assessed, beside, since, shared, observer));
+                .and_then(|assessed| self.publish_assessed(&assessed, context, since, shared, observer));
             if let Err(error) = published {
-                let behind = explained.filter_map(|(window, Beside { arrived, .. })| {
+                let behind = explained.filter_map(|(window, WindowContext { arrived, .. })| {
                     let job = window.ok()?.into_job();
                     Some(WaitingWindow { job, arrived })
                 });
@@ -206,9 +204,9 @@ impl<'a, C: HostClock> Identification<'a, C> {
         Ok(())
     }
 
-    /// What histories and learner have told since they were asked last.
-    fn take_told(&mut self) -> Told {
-        Told {
+    /// What histories and learner have to tell since they were asked last.
+    fn take_news(&mut self) -> News {
+        News {
             by_histories: self.assessor.histories().take_notices(),
             by_learner: self.learner.take_notices(),
             replaced: self.learner.take_replaced(),
@@ -231,17 +229,17 @@ impl<'a, C: HostClock> Identification<'a, C> {
     fn publish_assessed(
         &mut self,
         assessed: &AssessedWindow,
-        beside: Beside,
+        context: WindowContext,
         since: Instant,
         shared: &Mutex<Shared>,
         observer: &impl Observer,
     ) -> Result<(), DaemonError> {
         let commissioned = self.learner.commission_complete(&mut self.assessor)?;
-        let took = beside.took + (self.clock.instant() - since);
-        let (told, now_told) = (beside.told, self.take_told());
+        let took = context.took + (self.clock.instant() - since);
+        let (news, now_news) = (context.news, self.take_news());
         // Before the lock is taken: frames need not wait for files. What was learnt goes before the history says that the event was followed: the
         // power may fail between.
-        let replaced = told.replaced.iter().chain(&now_told.replaced);
+        let replaced = news.replaced.iter().chain(&now_news.replaced);
         let unremoved: Vec<String> = replaced
             .filter_map(|actuator| {
                 let error = remove_learnt(&self.config, actuator).err()?;
@@ -270,14 +268,14 @@ impl<'a, C: HostClock> Identification<'a, C> {
                 ))
             })
             .collect();
-        let troubles = beside
+        let troubles = context
             .trouble
             .into_iter()
             .chain(saved.err().map(|error| error.to_string()))
             .chain(unremoved)
             .chain(unkept);
         let pending = self.assessor.histories().pending(&assessed.health.actuator);
-        let by_histories = told.by_histories.into_iter().chain(now_told.by_histories);
+        let by_histories = news.by_histories.into_iter().chain(now_news.by_histories);
         let notices: Vec<String> = by_histories.chain(troubles).collect();
         let stored = {
             let mut shared = lock(shared);
@@ -289,11 +287,11 @@ impl<'a, C: HostClock> Identification<'a, C> {
                 let stamp_ns = assessed.health.t_start_ns;
                 publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Warning, &mut shared, observer)?;
             }
-            for message in told.by_learner.into_iter().chain(now_told.by_learner) {
+            for message in news.by_learner.into_iter().chain(now_news.by_learner) {
                 let stamp_ns = assessed.health.t_start_ns;
                 publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Info, &mut shared, observer)?;
             }
-            Self::keep_frames(assessed, beside.length_ns, &mut shared, observer)?;
+            Self::keep_frames(assessed, context.length_ns, &mut shared, observer)?;
             shared.health_changed |=
                 shared.health_tracker.health_of(&assessed.health.actuator).health != assessed.health.health;
             let notices = shared.health_tracker.update(
@@ -301,13 +299,13 @@ impl<'a, C: HostClock> Identification<'a, C> {
                 assessed.rul.rul_p10_h,
                 &assessed.news,
                 pending,
-                beside.passive,
+                context.passive,
             );
             for (level, message) in notices {
                 let stamp_ns = assessed.health.t_start_ns;
                 publish(&Notice { stamp_ns, message }, level, &mut shared, observer)?;
             }
-            if let Some((level, message)) = shared.health_tracker.update_sensors(&assessed.sensors, beside.passive) {
+            if let Some((level, message)) = shared.health_tracker.update_sensors(&assessed.sensors, context.passive) {
                 let stamp_ns = assessed.health.t_start_ns;
                 publish(&Notice { stamp_ns, message }, level, &mut shared, observer)?;
             }
@@ -379,15 +377,21 @@ impl<'a, C: HostClock> Identification<'a, C> {
     }
 }
 
-/// What is needed of a window beside its assessment.
-struct Beside {
+/// Windows that are assessed together, at most: two for each thread, so that a short one leaves its thread to another.
+#[must_use]
+pub fn windows_together() -> usize {
+    2 * rayon::current_num_threads()
+}
+
+/// What belongs to a window beside its assessment.
+struct WindowContext {
     /// When its last sample arrived.
     arrived: Duration,
     length_ns: u64,
     /// Whether its actuator is passive.
     passive: bool,
-    /// What was told when its assessment began.
-    told: Told,
+    /// What was news when its assessment began.
+    news: News,
     /// What else an operator should read.
     trouble: Option<String>,
     /// Time that its explanation took, where that was apart.
@@ -396,20 +400,20 @@ struct Beside {
 
 /// What histories and learner tell.
 #[derive(Default)]
-struct Told {
+struct News {
     by_histories: Vec<String>,
     by_learner: Vec<String>,
     /// Actuators whose unit was replaced.
     replaced: Vec<Arc<ActuatorConfig>>,
 }
 
-impl Beside {
+impl WindowContext {
     fn of(job: &WindowJob, arrived: Duration) -> Self {
         Self {
             arrived,
             length_ns: (1e9 * job.length_s()) as u64,
             passive: job.actuator.passive,
-            told: Told::default(),
+            news: News::default(),
             trouble: None,
             took: Duration::ZERO,
         }

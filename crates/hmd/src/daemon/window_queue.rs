@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 // The model checker of `model/` compiles this file with locks of its own.
 use super::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
-/// Windows that may wait: four from each of sixteen actuators, some 80 kB each at 2 kHz. Those being assessed, at most one for each thread,
+/// Windows that may wait: four from each of sixteen actuators, some 80 kB each at 2 kHz. Those being assessed, at most two for each thread,
 /// are not among them.
 ///
 /// Policy when it is full: the oldest is dropped, so that the newest state of an actuator is assessed; the pushing thread

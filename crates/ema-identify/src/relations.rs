@@ -5,7 +5,7 @@
 //!
 //! | file | relation | faults |
 //! |---|---|---|
-//! | `terms`, `torque_balance` | torque balance of the motor shaft | friction, shorts, eccentricity |
+//! | `terms`, `free_rows`, `torque_balance` | torque balance of the motor shaft | friction, shorts, eccentricity |
 //! | `controller` | differentiated PI law of the speed loop | controller gain |
 //! | `transmission` | output angle behind a play | backlash |
 //!
@@ -38,6 +38,7 @@ mod curves;
 mod elements;
 mod flanks;
 mod free_coefficients;
+mod free_rows;
 mod gear_loss;
 mod hidden_torque;
 mod jackknife;

@@ -11,6 +11,7 @@
 //! frames, replayed, give the same health records.
 
 mod capture;
+mod fresh_losses;
 mod freshness;
 mod health_tracker;
 mod host_clock;
@@ -19,6 +20,7 @@ mod keep_requests;
 mod notices;
 mod other_numbers;
 mod pipeline_thread;
+mod publishing;
 mod steps;
 mod wall_clock;
 #[cfg(test)]

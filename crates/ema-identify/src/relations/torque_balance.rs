@@ -12,14 +12,13 @@
 use nalgebra::{SMatrix, SVector};
 
 use super::balance_coefficients::BalanceCoefficients;
-use super::between_samples::instants;
 use super::current_noise::{current_noise, noise_of_columns};
 use super::elements::{Element, ElementReadings, Needed, Reading};
 use super::free_coefficients::{
     ECCENTRICITY, FREE_COUNT, FRICTION, LOAD, attenuation, covariance_by_shared, error_of_shared,
 };
+use super::free_rows::{FreeRow, FreeRows};
 use super::jackknife::Jackknife;
-use super::kept::Kept;
 use super::kernel::Kernel;
 use super::measured::MeasuredWindow;
 #[cfg(feature = "std")]
@@ -27,25 +26,10 @@ use super::measurement_noise::{NoiseGains, NoiseRise};
 use super::normal_equations::{NormalEquations, Solution};
 use super::output_load::OutputLoad;
 use super::overlap::Overlap;
-use super::sample_reading::{SampleReader, SampleReading};
 use super::shared::{SHARED_COUNT, shared_columns, spread};
-use super::shorted_loop::{LoopTorque, ShortedLoop};
-use super::terms::{BalanceRing, BalanceRow, RowMaker, TERM_COUNT, Term, WindowState};
+use super::shorted_loop::ShortedLoop;
+use super::terms::WindowState;
 use crate::recorded_sample::RecordedSample;
-
-/// Terms of friction, which wear together.
-const WORN: [Term; 4] = [Term::DryFriction, Term::Stribeck, Term::MeshCos, Term::MeshSin];
-
-/// Terms that are free or stand in a free sum.
-const FREE: [Term; 7] = [
-    Term::TurnsA,
-    Term::TurnsB,
-    Term::TurnsC,
-    Term::EccentricityCos,
-    Term::EccentricitySin,
-    Term::Load,
-    Term::Spring,
-];
 
 /// Rounds in which load and the gear's losses find each other.
 pub(super) const LOAD_ROUNDS: usize = 4;
@@ -131,11 +115,11 @@ pub(super) fn torque_balance<S: RecordedSample>(
         shorted: None,
     };
     let noise = noise_of_free_columns(window, &kernel);
-    let mut rows = Rows::new(window, unit, &kernel, gain);
+    let mut fit = BalanceFit::new(window, unit, &kernel, gain);
     let mut equations = NormalEquations::new();
-    let fitted = rows.explain(&mut equations, &noise, turns);
+    let fitted = fit.explain(&mut equations, &noise, turns);
     balance.rows = equations.rows;
-    balance.independent = rows.independent(&equations);
+    balance.independent = fit.independent(&equations);
     let Some((solution, load)) = fitted else {
         balance.readings.fail(Element::BALANCE, Needed::LongerMotion);
         return balance;
@@ -143,19 +127,19 @@ pub(super) fn torque_balance<S: RecordedSample>(
     balance.residual_rms = solution.residual_rms;
     #[cfg(feature = "std")]
     {
-        (balance.beyond_noise_rms, balance.rise) = (rows.beyond_noise(solution.residual_rms), rows.rise);
+        (balance.beyond_noise_rms, balance.rise) = (fit.beyond_noise(solution.residual_rms), fit.rise);
     }
     balance.load = load;
-    let noise = rows.noise_beside_loop(&noise);
-    let (covariance, directions) = rows.covariance(&equations, &solution, &noise, learnt);
-    let attenuation = attenuation(&solution, balance.rows, rows.shorted.map(|shorted| shorted.phase));
+    let noise = fit.noise_beside_loop(&noise);
+    let (covariance, directions) = fit.covariance(&equations, &solution, &noise, learnt);
+    let attenuation = attenuation(&solution, balance.rows, fit.shorted.map(|shorted| shorted.phase));
     for (place, element) in Element::BALANCE.into_iter().enumerate() {
         let reading = Reading {
             value: solution.x[place],
             sigma: libm::hypot(libm::sqrt(covariance[(place, place)].max(0.0)), attenuation[place]),
         };
         balance.readings.set(element, reading);
-        if rows.shorted.is_some_and(|shorted| shorted.phase == place) {
+        if fit.shorted.is_some_and(|shorted| shorted.phase == place) {
             balance.shorted = Some((place, reading));
         }
     }
@@ -201,10 +185,10 @@ pub(super) fn free_coefficients<S: RecordedSample>(
 ) -> Option<FreeCoefficients> {
     let kernel = unit.kernel(window.params().sensors.sample_rate);
     let noise = noise_of_free_columns(window, &kernel);
-    let mut rows = Rows::new(window, unit, &kernel, 1.0);
-    let (solution, load) = rows.explain(&mut NormalEquations::new(), &noise, Turns::Healthy)?;
+    let mut fit = BalanceFit::new(window, unit, &kernel, 1.0);
+    let (solution, load) = fit.explain(&mut NormalEquations::new(), &noise, Turns::Healthy)?;
     let mut directions = [0; 2];
-    rows.each(|row| {
+    fit.each(|row| {
         if let Some(row) = row {
             directions[usize::from(row.all.forward)] += 1;
         }
@@ -219,45 +203,9 @@ pub(super) fn free_coefficients<S: RecordedSample>(
     })
 }
 
-/// A row of a window by its free coefficients.
-#[derive(Clone, Copy)]
-struct FreeRow {
-    /// All terms.
-    all: BalanceRow,
-    /// Columns of the free coefficients.
-    free: [f64; FREE_COUNT],
-    /// The right-hand side, Nm.
-    rest: f64,
-}
-
-impl FreeRow {
-    /// With these coefficients of the terms that are neither free nor worn; of those they are zero.
-    fn new(all: BalanceRow, unit: &BalanceCoefficients, known: &[f64; TERM_COUNT]) -> Self {
-        let term = |term: Term| all.terms[term as usize];
-        let friction = WORN.iter().map(|&worn| unit.of(worn) * term(worn)).sum();
-        let [a, b, c, ecc_cos, ecc_sin, constant, spring] = FREE.map(term);
-        let rest: f64 = known.iter().zip(&all.terms).map(|(x, term)| x * term).sum();
-        Self {
-            all,
-            free: [a, b, c, ecc_cos, ecc_sin, friction, constant, spring],
-            rest: -rest,
-        }
-    }
-}
-
-/// Rows of a window by its free coefficients, with the ring that they are made through: the controller has room for one.
-struct Rows<'a, S> {
-    window: &'a MeasuredWindow<'a, S>,
-    unit: &'a BalanceCoefficients,
-    kernel: &'a Kernel,
-    ring: BalanceRing,
-    /// Kept where they are means between the samples.
-    samples: Kept<SampleReading>,
-    /// The rows of the state and the loop that they were made with.
-    rows: Kept<Option<FreeRow>>,
-    #[cfg(feature = "std")]
-    rows_of: Option<(WindowState, Option<ShortedLoop>)>,
-    /// What the last solution says of the window.
+/// The fit of a window: its rows, and what the last solution says of it.
+struct BalanceFit<'a, S> {
+    rows: FreeRows<'a, S>,
     state: WindowState,
     /// The loop that stands in place of the turns of its phase.
     shorted: Option<ShortedLoop>,
@@ -266,21 +214,10 @@ struct Rows<'a, S> {
     rise: NoiseRise,
 }
 
-impl<'a, S: RecordedSample> Rows<'a, S> {
+impl<'a, S: RecordedSample> BalanceFit<'a, S> {
     fn new(window: &'a MeasuredWindow<'a, S>, unit: &'a BalanceCoefficients, kernel: &'a Kernel, gain: f64) -> Self {
         Self {
-            window,
-            unit,
-            kernel,
-            ring: BalanceRing::new(kernel.span),
-            samples: if instants(window.params()) > 0 {
-                Kept::new(window.len())
-            } else {
-                Kept::none()
-            },
-            rows: Kept::new(window.len()),
-            #[cfg(feature = "std")]
-            rows_of: None,
+            rows: FreeRows::new(window, unit, kernel),
             state: WindowState {
                 gain,
                 ..WindowState::healthy(OutputLoad::default())
@@ -305,15 +242,15 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
     /// Takes the noise of the window into account, with the rows of these equations.
     #[cfg(feature = "std")]
     fn count_noise(&mut self, equations: &NormalEquations<FREE_COUNT>) {
-        if let Some(noise) = self.window.noise() {
-            let gains = NoiseGains::of_torque_balance(self.window, self.kernel);
-            self.rise = NoiseRise::new(noise, &gains, self.unit.residual_rms, self.independent(equations));
+        if let Some(noise) = self.rows.window.noise() {
+            let gains = NoiseGains::of_torque_balance(self.rows.window, self.rows.kernel);
+            self.rise = NoiseRise::new(noise, &gains, self.rows.unit.residual_rms, self.independent(equations));
         }
     }
 
     /// Rows of the equations that share no sample.
     fn independent(&self, equations: &NormalEquations<FREE_COUNT>) -> f64 {
-        (equations.rows * self.kernel.stride) as f64 / self.kernel.span as f64
+        (equations.rows * self.rows.kernel.stride) as f64 / self.rows.kernel.span as f64
     }
 
     /// The solution with missing turns, or with a shorted loop, and its load; `None` with too few rows.
@@ -328,7 +265,7 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
         #[cfg(feature = "std")]
         self.count_noise(equations);
         let residual_rms = self.beyond_noise(missing.0.residual_rms);
-        if turns == Turns::Healthy || residual_rms <= SUSPICIOUS * self.unit.residual_rms {
+        if turns == Turns::Healthy || residual_rms <= SUSPICIOUS * self.rows.unit.residual_rms {
             return Some(missing);
         }
         self.fit_loop(equations, noise, residual_rms).or(Some(missing))
@@ -347,7 +284,7 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
         let load = OutputLoad::new(&solution.x.fixed_rows::<2>(LOAD).into_owned());
         let information = equations.symmetric().fixed_view::<2, 2>(LOAD, LOAD).into_owned();
         let mut state = self.state;
-        state.load = load.losing(&information, equations.rows, self.window.params());
+        state.load = load.losing(&information, equations.rows, self.rows.window.params());
         let of_loop = self.shorted.map(|shorted| shorted.phase);
         for phase in (0..3).filter(|&phase| of_loop != Some(phase)) {
             state.turns[phase] = solution.x[phase].clamp(0.0, 1.0);
@@ -389,7 +326,7 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
         residual_rms: f64,
     ) -> Option<(Solution<FREE_COUNT>, OutputLoad)> {
         let state = self.state;
-        let first = FIRST_ADMITTANCE / self.window.params().motor.r_s;
+        let first = FIRST_ADMITTANCE / self.rows.window.params().motor.r_s;
         let mut best: Option<(f64, ShortedLoop)> = None;
         for phase in 0..3 {
             self.state = state;
@@ -410,7 +347,7 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
             self.state.turns[shorted.phase] = 1.0;
             self.refine_loop(shorted, LOOP_ROUNDS, equations, noise)
         });
-        let limit = (CLEARLY_BETTER * residual_rms).min(EXPLAINED * self.unit.residual_rms);
+        let limit = (CLEARLY_BETTER * residual_rms).min(EXPLAINED * self.rows.unit.residual_rms);
         if refined.is_some_and(|(solution, _)| self.beyond_noise(solution.residual_rms) < limit) {
             return refined;
         }
@@ -428,7 +365,7 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
         equations: &mut NormalEquations<FREE_COUNT>,
         noise: &SVector<f64, FREE_COUNT>,
     ) -> Option<(Solution<FREE_COUNT>, OutputLoad)> {
-        let r = self.window.params().motor.r_s;
+        let r = self.rows.window.params().motor.r_s;
         let mut round = 0;
         loop {
             self.shorted = Some(shorted);
@@ -455,30 +392,8 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
     }
 
     /// Passes the row of each inner sample.
-    fn each(&mut self, mut pass: impl FnMut(Option<&FreeRow>)) {
-        #[cfg(feature = "std")]
-        if self.rows_of.replace((self.state, self.shorted)) != Some((self.state, self.shorted)) {
-            self.rows.clear();
-        }
-        let mut known = self.unit.values;
-        for term in FREE.into_iter().chain(WORN) {
-            known[term as usize] = 0.0;
-        }
-        let (window, unit, shape) = (self.window, self.unit, &self.unit.shape);
-        let shorted = self.shorted.map(|shorted| {
-            let turns = unit.values[shorted.phase];
-            LoopTorque::new(shorted, turns, window.motor(), window.params())
-        });
-        let mut reader = SampleReader::new(window, shape, self.state.gain);
-        let mut maker = RowMaker::new(window, shape, self.state, self.kernel, shorted, &mut self.ring);
-        let (samples, rows) = (&mut self.samples, &mut self.rows);
-        for (place, n) in window.inner().enumerate() {
-            let make = || {
-                let row = samples.with(place, || reader.next(n), |sample| maker.next(n, sample));
-                row.map(|row| FreeRow::new(row, unit, &known))
-            };
-            rows.with(place, make, |row| pass(row.as_ref()));
-        }
+    fn each(&mut self, pass: impl FnMut(Option<&FreeRow>)) {
+        self.rows.each(self.state, self.shorted, pass);
     }
 
     /// Sums the equations of all rows.
@@ -502,7 +417,7 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
         noise: &SVector<f64, FREE_COUNT>,
         learnt: Option<&[[f64; SHARED_COUNT]; SHARED_COUNT]>,
     ) -> (SMatrix<f64, FREE_COUNT, FREE_COUNT>, [usize; 2]) {
-        let (kernel, unit, window) = (self.kernel, self.unit, self.window);
+        let (kernel, unit, window) = (self.rows.kernel, self.rows.unit, self.rows.window);
         let weights = if unit.angle_errors {
             &kernel.second
         } else {

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::capture::Found;
 use super::health_tracker::{HealthTracker, is_worse};
 use super::host_clock::HostClock;
-use super::pipeline_thread::{publish, publish_rate_limited};
+use super::publishing::{publish, publish_rate_limited};
 use super::{DaemonError, Observer, Shared, WaitingWindow, WindowQueue, lock};
 use hmd_core::assess::{AssessError, AssessedWindow, Assessor, Estimator};
 use hmd_core::config::{ActuatorConfig, Config};

@@ -7,14 +7,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use ema_wire::{DeframerStats, FrameError};
 use tokio::sync::mpsc;
 
 use super::capture::Found;
+use super::fresh_losses::FreshLosses;
 use super::freshness::Freshness;
 use super::host_clock::HostClock;
 use super::keep_requests::KeepRequests;
 use super::other_numbers::OtherNumbers;
+use super::publishing::{publish, publish_rate_limited};
 use super::wall_clock::WallClock;
 use super::{DaemonError, ENDING_MAX, Observer, Shared, TICK, WaitingWindow, WindowQueue, lock};
 use hmd_core::config::Config;
@@ -43,14 +44,7 @@ pub(super) struct PipelineThread<'a, C> {
     names: BusNames,
     pipeline: Pipeline,
     links: BTreeMap<u16, LinkState>,
-    /// Frames lost since the last tick, by bus and kind.
-    fresh_losses: BTreeMap<(u16, LiveLoss), u64>,
-    /// Counters of each serial line at the last tick, as reported.
-    reported: BTreeMap<u16, DeframerStats>,
-    /// Samples of each actuator lost, and its frames out of order, until the last tick.
-    lost: BTreeMap<String, [u64; 2]>,
-    /// Windows dropped since the last tick.
-    fresh_drops: u64,
+    losses: FreshLosses,
     ticks: u64,
     store_raw: bool,
     /// Buses whose source has not reported its state; `None` once all have and the observer was called.
@@ -89,10 +83,7 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
             names,
             pipeline,
             links: BTreeMap::new(),
-            fresh_losses: BTreeMap::new(),
-            reported: BTreeMap::new(),
-            lost: BTreeMap::new(),
-            fresh_drops: 0,
+            losses: FreshLosses::default(),
             ticks: 0,
             store_raw,
             queued: (0, 0),
@@ -231,7 +222,7 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
             self.count_dropped(&waiting.job, shared)?;
         }
         self.queued = (0, 0);
-        let dropped = std::mem::take(&mut self.fresh_drops);
+        let dropped = self.losses.take_windows();
         if dropped > 0 {
             let windows = counted(dropped, "window", "windows");
             let message = format!("{windows} dropped: not assessed when the run ended");
@@ -344,7 +335,7 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
                     LiveLoss::SocketQueue => self.pipeline.losses.socket_queue += frames,
                     LiveLoss::Unreadable => self.pipeline.losses.unreadable += frames,
                 }
-                *self.fresh_losses.entry((bus, loss)).or_default() += frames;
+                self.losses.add_frames(bus, loss, frames);
             }
             Input::Unwatched { bus, number } => self.other_numbers.hear(bus, Talker::Actuator(number)),
             Input::Tick { stamp_ns } => {
@@ -491,7 +482,7 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
 
     fn count_dropped(&mut self, job: &WindowJob, shared: &mut Shared) -> Result<(), DaemonError> {
         self.pipeline.losses.windows += 1;
-        self.fresh_drops += 1;
+        self.losses.add_window();
         shared.end_wait(job.window.t_start_ns);
         if let Some(recorder) = &mut shared.recorder {
             recorder.write_dropped(job)?;
@@ -506,51 +497,14 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
         Ok(())
     }
 
-    /// Reports what was lost since the last time, in one line for each bus and kind.
+    /// Reports what was lost since the last time.
     fn publish_losses(
         &mut self,
         stamp_ns: u64,
         shared: &mut Shared,
         observer: &impl Observer,
     ) -> Result<(), DaemonError> {
-        for ((bus, loss), frames) in std::mem::take(&mut self.fresh_losses) {
-            let name = self.names.name(bus).unwrap_or_default();
-            let message = format!("{name}: {} lost: {loss}", counted(frames, "frame", "frames"));
-            publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
-        }
-        for (bus, stats) in self.pipeline.serial().collect::<Vec<_>>() {
-            let reported = self.reported.insert(bus, stats).unwrap_or_default();
-            if let Some(unreadable) = unreadable_since(reported, stats) {
-                let name = self.names.name(bus).unwrap_or_default();
-                let message = format!("{name}: {unreadable}");
-                publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
-            }
-        }
-        // An actuator may be seen on several buses under one name.
-        let mut losses: BTreeMap<String, [u64; 2]> = BTreeMap::new();
-        for (name, lost) in self.pipeline.lost_samples() {
-            losses.entry(name.to_owned()).or_default()[0] += lost;
-        }
-        for (name, late) in self.pipeline.late() {
-            losses.entry(name.to_owned()).or_default()[1] += late;
-        }
-        for (name, [lost, late]) in losses {
-            let before = self.lost.insert(name.clone(), [lost, late]).unwrap_or_default();
-            let (lost, late) = (lost.saturating_sub(before[0]), late.saturating_sub(before[1]));
-            let samples = format!("{name}: {} lost", counted(lost, "sample", "samples"));
-            let frames = format!("{name}: {} out of order, not used", counted(late, "frame", "frames"));
-            for (count, message) in [(lost, samples), (late, frames)] {
-                if count > 0 {
-                    publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
-                }
-            }
-        }
-        let windows = std::mem::take(&mut self.fresh_drops);
-        if windows > 0 {
-            let message = format!(
-                "{} dropped: identification does not keep up",
-                counted(windows, "window", "windows")
-            );
+        for message in self.losses.take_messages(&self.pipeline, &self.names) {
             publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
         }
         Ok(())
@@ -577,57 +531,6 @@ fn arrival_of(job: &WindowJob, waited_from: Duration, clock: &impl HostClock) ->
     let age = Duration::from_nanos(clock.utc_ns().saturating_sub(last_ns));
     let now = clock.now();
     now.saturating_sub(age).max(waited_from.min(now))
-}
-
-/// The frames of a serial line that could not be read since then, by cause; `None` if there are none.
-fn unreadable_since(then: DeframerStats, now: DeframerStats) -> Option<String> {
-    let fresh = FrameError::ALL.map(|fault| (now.dropped_for(fault) - then.dropped_for(fault), fault));
-    let parts: Vec<String> = fresh
-        .iter()
-        .filter(|(count, _)| *count > 0)
-        .map(|(count, fault)| format!("{count} {fault}"))
-        .collect();
-    let frames: u64 = fresh.iter().map(|(count, _)| count).sum();
-    (frames > 0).then(|| format!("{} lost: {}", counted(frames, "frame", "frames"), parts.join(", ")))
-}
-
-/// Tells it, unless there were many of its kind lately.
-pub(super) fn publish_rate_limited(
-    notice: &Notice,
-    level: LogLevel,
-    shared: &mut Shared,
-    observer: &impl Observer,
-) -> Result<(), DaemonError> {
-    if shared.notices.admit(notice, level) {
-        publish(notice, level, shared, observer)?;
-    }
-    Ok(())
-}
-
-/// Tells how many of each kind were held back, at the end.
-pub(super) fn publish_last_summaries(
-    stamp_ns: u64,
-    shared: &mut Shared,
-    observer: &impl Observer,
-) -> Result<(), DaemonError> {
-    for (notice, level) in shared.notices.last_summaries(stamp_ns) {
-        publish(&notice, level, shared, observer)?;
-    }
-    Ok(())
-}
-
-/// Publishes a notice to operator and records.
-pub(super) fn publish(
-    notice: &Notice,
-    level: LogLevel,
-    shared: &mut Shared,
-    observer: &impl Observer,
-) -> Result<(), DaemonError> {
-    observer.notice_with_level(level, &notice.message);
-    if let Some(recorder) = &mut shared.recorder {
-        recorder.write_notice(notice, level)?;
-    }
-    Ok(())
 }
 
 #[cfg(test)]

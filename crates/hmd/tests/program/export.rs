@@ -7,6 +7,8 @@ use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::Field;
 use tempfile::TempDir;
 
+use crate::folder::record_demo;
+
 fn code_of(folder: &TempDir, line: &str) -> (Option<i32>, String, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_hmd"));
     let ended = command
@@ -73,7 +75,7 @@ fn parquet(folder: &TempDir, name: &str) -> (Vec<String>, Vec<Vec<String>>, Pair
 #[test]
 fn both_forms_hold_what_was_recorded() {
     let folder = tempfile::tempdir().expect("a folder");
-    done(&folder, "demo -o life.mcap");
+    record_demo(folder.path());
     done(&folder, "export life.mcap -o life.csv");
     done(&folder, "export life.mcap -o life.parquet");
     let (head, rows) = csv(&folder, "life.csv");

@@ -1,8 +1,9 @@
 //! A working directory and the command `hmd` in it.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::LazyLock;
 
 use tempfile::TempDir;
 
@@ -112,6 +113,20 @@ impl Folder {
             .map(str::to_owned)
             .collect()
     }
+}
+
+/// Writes what `hmd demo -o life.mcap` makes into a folder, and returns the path of the recording; the demonstration runs once for all tests.
+pub(crate) fn record_demo(folder: &Path) -> PathBuf {
+    const FILES: [&str; 3] = ["life.mcap", "life.mcap.toml", "life.mcap.calibration.toml"];
+    static MADE: LazyLock<[Vec<u8>; 3]> = LazyLock::new(|| {
+        let folder = Folder::new();
+        folder.done("demo -o life.mcap");
+        FILES.map(|name| folder.read(name))
+    });
+    for (name, content) in FILES.iter().zip(&*MADE) {
+        fs::write(folder.join(name), content).unwrap_or_else(|e| panic!("{name}: {e}"));
+    }
+    folder.join(FILES[0])
 }
 
 impl Ended {

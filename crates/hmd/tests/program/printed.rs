@@ -3,7 +3,7 @@
 use std::fs;
 use std::process::Stdio;
 
-use crate::folder::Folder;
+use crate::folder::{Folder, record_demo};
 
 #[test]
 fn a_reader_that_goes_away_is_no_failure() {
@@ -234,14 +234,7 @@ fn the_demo_wears_out_in_order_and_its_forecast_converges() {
 #[test]
 fn a_recorded_history_is_shown_in_three_forms() {
     let folder = Folder::new();
-    assert!(
-        folder
-            .command("demo -o life.mcap")
-            .output()
-            .expect("hmd starts")
-            .status
-            .success()
-    );
+    record_demo(&folder.path("."));
     let shown = |options: &str| {
         let ended = folder
             .command(&format!("inspect life.mcap {options}"))

@@ -5,6 +5,8 @@ use std::process::{Command, Output};
 
 use tempfile::TempDir;
 
+use crate::folder::record_demo;
+
 fn hmd(folder: &TempDir, line: &str) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_hmd"));
     let command = command.args(line.split_whitespace()).current_dir(folder.path());
@@ -27,7 +29,7 @@ fn refused(folder: &TempDir, line: &str, code: i32) -> String {
 #[test]
 fn a_whole_wear_out_is_one_small_page_and_one_short_line() {
     let folder = tempfile::tempdir().expect("a folder");
-    done(&folder, "demo -o life.mcap");
+    record_demo(folder.path());
     done(&folder, "report life.mcap -o ema0.html --zone UTC");
     let page = fs::read_to_string(folder.path().join("ema0.html")).expect("a page");
     assert!(page.len() < 1 << 20, "{} bytes", page.len());

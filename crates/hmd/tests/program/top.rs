@@ -3,11 +3,11 @@
 
 use std::fs;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, SystemTime};
 
-use crate::folder::Folder;
+use crate::folder::{Folder, record_demo};
 use crate::serial_rig::{Device, Plug};
 use crate::terminal_rig::Terminal;
 
@@ -29,19 +29,6 @@ fn signal(id: u32, name: &str) {
             .unwrap()
             .success()
     );
-}
-
-/// A demo's recording.
-fn demo(folder: &Path) -> PathBuf {
-    let path = folder.join("demo.mcap");
-    let made = hmd()
-        .args(["demo", "-o"])
-        .arg(&path)
-        .stdout(Stdio::null())
-        .status()
-        .unwrap();
-    assert!(made.success());
-    path
 }
 
 /// A daemon on one serial line; it is ended with the test, whatever comes of that.
@@ -152,7 +139,7 @@ fn a_running_daemon_is_watched_across_segments_until_it_ends() {
 #[test]
 fn a_recording_is_shown_as_it_stood_at_its_end() {
     let folder = tempfile::tempdir().unwrap();
-    let path = demo(folder.path());
+    let path = record_demo(folder.path());
     for end in ["q", "\x1b", "\x03"] {
         let mut terminal = top(&path);
         let screen = terminal.wait_for("RECORDED until 2024-02-18 18:13 UTC");
@@ -236,7 +223,7 @@ fn of_several_actuators_once_shows_each_and_the_worst_in_detail() {
 #[test]
 fn a_file_is_followed_until_its_writer_ends_it() {
     let folder = tempfile::tempdir().unwrap();
-    let whole = fs::read(demo(folder.path())).unwrap();
+    let whole = fs::read(record_demo(folder.path())).unwrap();
     let path = folder.path().join("growing.mcap");
     let (begun, rest) = whole.split_at(whole.len() / 2);
     fs::write(&path, begun).unwrap();
@@ -257,7 +244,7 @@ fn a_file_is_followed_until_its_writer_ends_it() {
 #[test]
 fn the_screen_follows_the_size_of_the_terminal() {
     let folder = tempfile::tempdir().unwrap();
-    let mut terminal = top(&demo(folder.path()));
+    let mut terminal = top(&record_demo(folder.path()));
     terminal.wait_for("q quit");
     terminal.resize(100, 12);
     terminal.wait_until("less", |screen| {
@@ -274,7 +261,7 @@ fn the_screen_follows_the_size_of_the_terminal() {
 #[test]
 fn a_terminal_that_hangs_up_ends_the_watch() {
     let folder = tempfile::tempdir().unwrap();
-    let terminal = top(&demo(folder.path()));
+    let terminal = top(&record_demo(folder.path()));
     terminal.wait_for("RECORDED");
     assert_eq!(terminal.hang_up().code(), Some(0));
 }
@@ -315,7 +302,7 @@ fn what_cannot_be_shown_is_reported_in_one_sentence_on_the_terminal_as_it_was() 
             assert_eq!(status.code(), Some(1));
         }
     }
-    let piped = hmd().arg("top").arg(demo(folder.path())).output().unwrap();
+    let piped = hmd().arg("top").arg(record_demo(folder.path())).output().unwrap();
     assert_eq!(piped.status.code(), Some(2));
     assert!(
         String::from_utf8(piped.stderr)

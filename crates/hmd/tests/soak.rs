@@ -278,7 +278,7 @@ fn a_day_grows_by_nothing_and_loses_nothing() {
 #[test]
 fn the_program_is_ready_soon_and_small() {
     let _alone = ALONE.lock();
-    let measured = measure_program(Duration::from_secs(8));
+    let measured = measure_program(Duration::from_secs(4));
     assert!(!measured.records.is_empty());
 }
 

@@ -19,7 +19,7 @@ use crate::counting_allocator::most_held_bytes;
 
 const MIB: usize = 1 << 20;
 /// Length of the longest record or chunk of each file.
-const RECORD: usize = 24 * MIB;
+const RECORD: usize = 8 * MIB;
 /// The record, its content twice (as expanded, and for reading), a copy of the definition or message in hand, and all
 /// that is bounded by itself.
 const MOST_HELD: usize = 4 * RECORD + 8 * MIB;

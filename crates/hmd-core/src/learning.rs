@@ -49,14 +49,14 @@ pub struct Learner {
     notices: Vec<String>,
 }
 
-/// A window whose assessment has begun.
+/// A begun window, with what the learner needs to conclude it.
 #[derive(Debug)]
 pub struct BegunOfUnit {
     window: BegunWindow,
     context: Context,
 }
 
-/// A window with what explains it.
+/// An explained window, with what the learner needs to conclude it.
 #[derive(Debug)]
 pub struct ExplainedOfUnit {
     window: ExplainedWindow,
@@ -71,7 +71,7 @@ impl ExplainedOfUnit {
     }
 }
 
-/// What belongs to a window besides its assessment.
+/// What the learner needs to conclude a window.
 #[derive(Debug)]
 struct Context {
     /// The window as it came, where its unit is learnt from it: the assessment repairs it.

@@ -2,7 +2,7 @@
 //!
 //! Frames from memory go through the daemon's own queues, windowing, identification and storage, in compressed time. The
 //! share of a core is processor time over simulated time. Traffic waits while identification is behind, so that compressed
-//! time alone drops no window. Without numbers of actuators it draws `docs/img/many_actuators.svg`.
+//! time alone drops no window. Then a window of each actuator waits, and all are assessed, without traffic. Without numbers of actuators it draws `docs/img/many_actuators.svg`.
 #![allow(clippy::print_stdout, reason = "it prints figures")]
 
 mod at_once;
@@ -28,7 +28,7 @@ use hmd_storage::recorder::{Recorder, metadata};
 use plot::Curve;
 use traffic::{Bus, PER_BUS, RATE_HZ, SAMPLES_PER_MINUTE, Template};
 
-/// Windows that compressed traffic lets identification lie behind; its queue holds 64, as many as end at once. Buses are some seconds apart.
+/// Windows that compressed traffic lets identification lie behind; its queue holds 64, and buses are some seconds apart.
 const BACKLOG_MAX: u64 = 16;
 
 /// Time without an assessed window after which traffic goes on: dropped ones never come.

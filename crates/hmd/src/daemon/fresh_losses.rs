@@ -32,7 +32,7 @@ impl FreshLosses {
         self.windows += 1;
     }
 
-    /// Windows dropped since the last time, which no message tells any more.
+    /// Windows dropped since the last time; [`take_messages`](Self::take_messages) does not tell of them again.
     pub(super) fn take_windows(&mut self) -> u64 {
         mem::take(&mut self.windows)
     }

@@ -161,12 +161,12 @@ impl<'a, C: HostClock> Identification<'a, C> {
         let begin = |WaitingWindow { job, arrived }| {
             let context = WindowContext::of(&job, arrived);
             let begun = self.learner.begin(&mut self.assessor, job, None);
-            let news = self.take_news();
+            let untold = self.take_untold();
             let trouble = trouble.take();
             (
                 begun,
                 WindowContext {
-                    news,
+                    untold,
                     trouble,
                     ..context
                 },
@@ -205,8 +205,8 @@ impl<'a, C: HostClock> Identification<'a, C> {
     }
 
     /// What histories and learner have to tell since they were asked last.
-    fn take_news(&mut self) -> News {
-        News {
+    fn take_untold(&mut self) -> Untold {
+        Untold {
             by_histories: self.assessor.histories().take_notices(),
             by_learner: self.learner.take_notices(),
             replaced: self.learner.take_replaced(),
@@ -236,10 +236,10 @@ impl<'a, C: HostClock> Identification<'a, C> {
     ) -> Result<(), DaemonError> {
         let commissioned = self.learner.commission_complete(&mut self.assessor)?;
         let took = context.took + (self.clock.instant() - since);
-        let (news, now_news) = (context.news, self.take_news());
+        let (untold, untold_now) = (context.untold, self.take_untold());
         // Before the lock is taken: frames need not wait for files. What was learnt goes before the history says that the event was followed: the
         // power may fail between.
-        let replaced = news.replaced.iter().chain(&now_news.replaced);
+        let replaced = untold.replaced.iter().chain(&untold_now.replaced);
         let unremoved: Vec<String> = replaced
             .filter_map(|actuator| {
                 let error = remove_learnt(&self.config, actuator).err()?;
@@ -275,7 +275,7 @@ impl<'a, C: HostClock> Identification<'a, C> {
             .chain(unremoved)
             .chain(unkept);
         let pending = self.assessor.histories().pending(&assessed.health.actuator);
-        let by_histories = news.by_histories.into_iter().chain(now_news.by_histories);
+        let by_histories = untold.by_histories.into_iter().chain(untold_now.by_histories);
         let notices: Vec<String> = by_histories.chain(troubles).collect();
         let stored = {
             let mut shared = lock(shared);
@@ -287,7 +287,7 @@ impl<'a, C: HostClock> Identification<'a, C> {
                 let stamp_ns = assessed.health.t_start_ns;
                 publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Warning, &mut shared, observer)?;
             }
-            for message in news.by_learner.into_iter().chain(now_news.by_learner) {
+            for message in untold.by_learner.into_iter().chain(untold_now.by_learner) {
                 let stamp_ns = assessed.health.t_start_ns;
                 publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Info, &mut shared, observer)?;
             }
@@ -390,17 +390,17 @@ struct WindowContext {
     length_ns: u64,
     /// Whether its actuator is passive.
     passive: bool,
-    /// What was news when its assessment began.
-    news: News,
+    /// What was to tell when its assessment began.
+    untold: Untold,
     /// What else an operator should read.
     trouble: Option<String>,
     /// Time that its explanation took, where that was apart.
     took: Duration,
 }
 
-/// What histories and learner tell.
+/// What histories and learner have to tell.
 #[derive(Default)]
-struct News {
+struct Untold {
     by_histories: Vec<String>,
     by_learner: Vec<String>,
     /// Actuators whose unit was replaced.
@@ -413,7 +413,7 @@ impl WindowContext {
             arrived,
             length_ns: (1e9 * job.length_s()) as u64,
             passive: job.actuator.passive,
-            news: News::default(),
+            untold: Untold::default(),
             trouble: None,
             took: Duration::ZERO,
         }

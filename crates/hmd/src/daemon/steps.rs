@@ -109,7 +109,7 @@ impl<'a, C: HostClock, O: Observer> Steps<'a, C, O> {
         self.assess_together(1)
     }
 
-    /// Assesses the oldest windows that wait, of different actuators, at most so many, as the identification thread does with as many threads.
+    /// Assesses the oldest windows that wait, of different actuators, at most so many; the identification thread takes [`windows_together`](super::windows_together).
     /// Whether there was one.
     ///
     /// # Errors

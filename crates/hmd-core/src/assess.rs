@@ -12,19 +12,20 @@ mod conditions;
 mod estimator;
 mod explained;
 mod friction_sigma;
+mod method;
 mod models;
+mod reasons;
 mod records;
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use ema_ga::{CmaConfig, DeConfig, GaConfig, StopRule};
-use ema_models::{Conditions, FAULT_COUNT, FaultId, FaultVector, MotorKnowledge, SensedSample, Setpoint, Tolerances};
+use ema_models::{Conditions, FaultId, FaultVector, MotorKnowledge, SensedSample, Setpoint, Tolerances};
 
-use crate::config::{ActuatorConfig, Config, IdentificationConfig, SearchMethod, SearchObjective};
+use crate::config::{ActuatorConfig, Config};
 use crate::deadline::TimeLimit;
 use crate::functional_check::{CHECK_LANES, unmet_requirements};
-use crate::health::{DamageEvidence, HealthState, Levels};
+use crate::health::{DamageEvidence, HealthState};
 use crate::history::{HistoryStore, WindowEvidence};
 use crate::outbox::WindowJob;
 use crate::record::{self, WindowStatus};
@@ -34,8 +35,9 @@ use crate::windows_in_a_row::{News, WindowsInARow};
 use coarse_steps::with_steps;
 use ema_identify::effort::Effort;
 use ema_identify::unit_calibration::{CommissionedSensors, RATE_MARGIN, UnitCalibration};
-use ema_identify::{Estimate, Fit, Identifier, Method, Population, Prepared};
+use ema_identify::{Estimate, Fit, Identifier, Method, Prepared};
 use explained::Explained;
+use reasons::{ambiguous, cut_by_deadline, too_uncertain};
 use records::{health_record, rul_record, sensors_record, shortened_record, window_record};
 
 pub use begun::{BegunWindow, ExplainedWindow};
@@ -45,6 +47,7 @@ pub use ema_identify::LOCKED;
 
 pub use conditions::{conditions, motor_knowledge_at, motor_within};
 pub use estimator::{Estimator, Identification};
+pub use method::method;
 pub use models::{
     AssessError, Models, ReadText, TypeModel, check_serial, hash_of_parameters, hash_of_type, model_hash,
 };
@@ -418,38 +421,6 @@ impl Assessor {
 /// Reason of a window of a unit whose calibration was learnt before a replacement.
 pub const OUTDATED: &str = "its calibration is older than a recorded replacement, and not used";
 
-/// The search that a configuration asks for.
-#[must_use]
-pub fn method(section: &IdentificationConfig) -> Method {
-    let dimension = FAULT_COUNT as u32;
-    let population = section.population as usize;
-    let mut stop = StopRule::for_dimension(dimension);
-    stop.max_generations = section.generations;
-    stop.max_evaluations = Some(u64::from(section.evaluations_max));
-    let genetic = Population::Genetic(GaConfig {
-        population,
-        elite_count: population.div_ceil(20),
-        stop,
-        ..GaConfig::for_dimension(dimension)
-    });
-    let population = match section.method {
-        SearchMethod::Hybrid => return Method::Hybrid(genetic),
-        // Where the relations are not asked (commissioning, doubtful readings), the monitor needs no population either.
-        SearchMethod::LeastSquares | SearchMethod::Relations => return Method::LeastSquares,
-        SearchMethod::Ga => genetic,
-        SearchMethod::De => Population::Differential(DeConfig { population, stop }),
-        SearchMethod::Cmaes => Population::CmaEs(CmaConfig {
-            population,
-            stop,
-            ..CmaConfig::for_dimension(dimension)
-        }),
-    };
-    match section.objective {
-        SearchObjective::Residual => Method::Population(population),
-        SearchObjective::Eq14 => Method::Eq14(population),
-    }
-}
-
 /// What commissioning has shown of the sensors, where it was at the sample rate of the window: the errors of its models go with the rate.
 fn sensors_of<'a>(unit: &'a UnitCalibration, job: &WindowJob) -> Option<&'a CommissionedSensors> {
     let rate_hz = job.params.sensors.sample_rate;
@@ -468,56 +439,3 @@ pub fn damage_evidence(estimate: &Estimate) -> DamageEvidence {
         sigma: Some(FaultId::ALL.map(|fault| sigma[fault.parameter()])),
     }
 }
-
-/// The reason that names what a deadline left out.
-fn cut_by_deadline(deadline_ms: u32, estimate: &Estimate, unchecked: bool) -> String {
-    let unchecked = if unchecked { ", readings not compared" } else { "" };
-    format!(
-        "deadline of {deadline_ms} ms: best of {} evaluations{unchecked}",
-        estimate.evaluations
-    )
-}
-
-/// The reason that names the faults of which the window tells nothing; the direction k7 is no handicap.
-fn unseen(estimate: &Estimate) -> Option<String> {
-    let names: Vec<&str> = FaultId::ALL
-        .into_iter()
-        .filter(|fault| estimate.sigma[fault.parameter()].is_none())
-        .map(FaultId::name)
-        .collect();
-    (!names.is_empty()).then(|| format!("not excited: {}", names.join(", ")))
-}
-
-/// The reason that names the faults whose damage is too uncertain to tell their state, and what would tell more.
-fn too_uncertain(
-    evidence: &DamageEvidence,
-    levels: &[Levels; FaultId::COUNT],
-    is_commissioned: bool,
-) -> Option<String> {
-    let damages: Vec<String> = evidence
-        .uncertain(levels)
-        .into_iter()
-        .map(|(fault, damage, sigma)| format!("{} {damage:.2} ± {sigma:.2}", fault.name()))
-        .collect();
-    let unknown_unit = if is_commissioned {
-        ""
-    } else {
-        " (unit not commissioned)"
-    };
-    (!damages.is_empty()).then(|| format!("too uncertain: {}{unknown_unit}", damages.join(", ")))
-}
-
-/// The reason that names the values of a competing optimum, which explains the window as well.
-fn ambiguous(estimate: &Estimate, other: &ema_models::FaultVector) -> String {
-    let (k, other) = (estimate.fault.to_array(), other.to_array());
-    let names: Vec<String> = FaultId::ALL
-        .into_iter()
-        .map(|fault| (fault.name(), k[fault.parameter()], other[fault.parameter()]))
-        .filter(|(_, k, other)| (k - other).abs() > NOTABLE_DIFFERENCE)
-        .map(|(name, k, other)| format!("{name} {k:.2} or {other:.2}"))
-        .collect();
-    format!("ambiguous: {}", names.join(", "))
-}
-
-/// Difference between competing optima from which on it is named.
-const NOTABLE_DIFFERENCE: f64 = 0.02;

@@ -6,7 +6,7 @@
 //! `method`: `hybrid` or `least-squares`, that of a controller; `tolerances`: `none` or `usual`; `profile`: `mixed` or `any`; `faults`:
 //! `random` (those of the suite) or `hard` (up to 1, several at once).
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
 use std::str::FromStr;
 
@@ -72,16 +72,63 @@ fn main() -> Result<(), Failed> {
         sum / lines.len().max(1) as f64
     };
     let phase = |key: &str| json!({"runs": mean(key, 0), "ms": mean(key, 1)});
+    let profiles: BTreeSet<&str> = lines.iter().filter_map(profile_of).collect();
+    let by_profile: BTreeMap<&str, Value> = profiles
+        .into_iter()
+        .map(|profile| {
+            (
+                profile,
+                covers_pct(lines.iter().filter(|line| profile_of(line) == Some(profile))),
+            )
+        })
+        .collect();
     let twice = lines.iter().filter(|line| line["searches"].as_u64() > Some(1)).count();
     println!(
         "{}",
         json!({
             "windows": lines.len(), "ms": share("ms"), "evaluations": share("evaluations"), "rss_pct": share("rss_pct"),
             "mean": {"search": phase("search"), "conclusion": phase("conclusion")}, "with_a_second_search": twice,
+            "covers_pct": covers_pct(lines.iter()), "covers_pct_by_profile": by_profile,
         })
     );
     Ok(())
 }
+
+/// Name of a line's profile, without the seed of a service.
+fn profile_of(line: &Value) -> Option<&str> {
+    line["profile"].as_str()?.split('(').next()
+}
+
+/// Share of the elements with a sigma, in modelled windows, whose 95 % interval holds the truth; a direction counts where there is an eccentricity.
+fn covers_pct<'a>(lines: impl Iterator<Item = &'a Value>) -> Value {
+    let (mut all, mut covered) = (0, 0);
+    for line in lines.filter(|line| line["unmodelled"] == false) {
+        let has_direction = line["truth"][5].as_f64() > Some(ANY_ECCENTRICITY);
+        for p in (0..FAULT_COUNT).filter(|&p| p != DIRECTION || has_direction) {
+            let [found, truth, sigma] = ["k", "truth", "sigma"].map(|key| line[key][p].as_f64());
+            if let (Some(found), Some(truth), Some(sigma)) = (found, truth, sigma) {
+                let error = if p == DIRECTION {
+                    (found - truth + 0.5).rem_euclid(1.0) - 0.5
+                } else {
+                    found - truth
+                };
+                all += 1;
+                covered += u64::from(error.abs() <= 1.96 * sigma);
+            }
+        }
+    }
+    json!(if all > 0 {
+        Some(100.0 * covered as f64 / all as f64)
+    } else {
+        None
+    })
+}
+
+/// Element of the direction of the eccentricity.
+const DIRECTION: usize = 6;
+
+/// Least eccentricity that has a direction.
+const ANY_ECCENTRICITY: f64 = 0.02;
 
 /// One window.
 fn line(asked: &Asked, number: u64) -> Result<Value, Failed> {

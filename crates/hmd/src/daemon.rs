@@ -19,6 +19,7 @@ mod identification;
 mod keep_requests;
 mod notices;
 mod other_numbers;
+mod passive_names;
 mod pipeline_thread;
 mod publishing;
 mod steps;

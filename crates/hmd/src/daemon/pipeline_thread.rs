@@ -15,6 +15,7 @@ use super::freshness::Freshness;
 use super::host_clock::HostClock;
 use super::keep_requests::KeepRequests;
 use super::other_numbers::OtherNumbers;
+use super::passive_names::PassiveNames;
 use super::publishing::{publish, publish_rate_limited};
 use super::wall_clock::WallClock;
 use super::{DaemonError, ENDING_MAX, Observer, Shared, TICK, WaitingWindow, WindowQueue, lock};
@@ -54,10 +55,7 @@ pub(super) struct PipelineThread<'a, C> {
     freshness: Freshness,
     /// See [`ASSESSING_MAX`].
     pub(super) assessing_max: Duration,
-    /// Names of the actuators whose changes raise no alarm.
-    passive: BTreeSet<String>,
-    /// Names of the buses on which all actuators are such.
-    passive_buses: BTreeSet<String>,
+    passive: PassiveNames,
     keep_requests: KeepRequests,
     wall_clock: WallClock,
     other_numbers: OtherNumbers,
@@ -74,7 +72,6 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
         clock: &'a C,
     ) -> Self {
         let actuators = || config.iter().flat_map(|config| config.actuators());
-        let passive = actuators().filter(|actuator| actuator.passive);
         Self {
             clock,
             other_numbers: OtherNumbers::new(config.as_deref(), &names),
@@ -89,8 +86,7 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
             queued: (0, 0),
             assessing_max: ASSESSING_MAX,
             freshness: Freshness::new(actuators().map(|actuator| actuator.name.clone()), clock.instant()),
-            passive: passive.map(|actuator| actuator.name.clone()).collect(),
-            passive_buses: config.as_deref().map(passive_buses).unwrap_or_default(),
+            passive: config.as_deref().map(PassiveNames::of).unwrap_or_default(),
             wall_clock: WallClock::default(),
         }
     }
@@ -250,7 +246,7 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
             ..self.pipeline.status(&self.names, shared.windows)
         };
         for (interface, bus) in status.interfaces.iter_mut().zip(0..) {
-            interface.passive = self.passive_buses.contains(&interface.interface);
+            interface.passive = self.passive.buses.contains(&interface.interface);
             interface.link = self.links.get(&bus).map(ToString::to_string).unwrap_or_default();
         }
         for (name, data_age_s, stale) in self.freshness.ages(self.clock.instant()) {
@@ -268,7 +264,7 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
                 changed_from: changed.from,
                 changed_faults: changed.faults,
                 changed_damage: changed.damage,
-                passive: self.passive.contains(name),
+                passive: self.passive.actuators.contains(name),
             });
         }
         if let Some(store) = shared.recorder.as_ref().and_then(Recorder::storage_status) {
@@ -340,7 +336,7 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
             Input::Unwatched { bus, number } => self.other_numbers.hear(bus, Talker::Actuator(number)),
             Input::Tick { stamp_ns } => {
                 if self.ticks == 0 {
-                    for (level, message) in shared.health_tracker.resumed(&self.passive) {
+                    for (level, message) in shared.health_tracker.resumed(&self.passive.actuators) {
                         publish(&Notice { stamp_ns, message }, level, shared, observer)?;
                     }
                 }
@@ -511,18 +507,6 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
     }
 }
 
-/// Names of the buses of a configuration on which all actuators are passive.
-fn passive_buses(config: &Config) -> BTreeSet<String> {
-    let buses = |is_passive: bool| -> BTreeSet<String> {
-        let of = config
-            .actuators()
-            .iter()
-            .filter(|actuator| actuator.passive == is_passive);
-        of.filter_map(|actuator| actuator.bus.clone()).collect()
-    };
-    &buses(true) - &buses(false)
-}
-
 /// When the last sample of a window arrived: by its stamp, which stamps of another clock may not put before the time since when
 /// inputs have waited.
 fn arrival_of(job: &WindowJob, waited_from: Duration, clock: &impl HostClock) -> Duration {
@@ -531,21 +515,4 @@ fn arrival_of(job: &WindowJob, waited_from: Duration, clock: &impl HostClock) ->
     let age = Duration::from_nanos(clock.utc_ns().saturating_sub(last_ns));
     let now = clock.now();
     now.saturating_sub(age).max(waited_from.min(now))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_bus_is_passive_if_all_its_actuators_are() {
-        let text = [("u", true), ("v", true), ("v", false), ("w", false), ("u", true)];
-        let text: String = (0..)
-            .zip(text)
-            .map(|(id, (bus, passive))| format!("[[actuator]]\nid = {id}\nbus = \"{bus}\"\npassive = {passive}\n"))
-            .collect();
-        let text = format!("[type.bench.sensors]\nsample_rate_hz = 400\n{text}");
-        let config = Config::from_toml_str(&text, "hmd.toml").expect("a good configuration");
-        assert!(passive_buses(&config).into_iter().eq(["u"]));
-    }
 }
